@@ -237,7 +237,7 @@ fn log_calls(session: SessionReport, headset: &HeadsetFigures) -> anyhow::Result
     let (mut ended, mut failed) = (false, Vec::new());
     for person in session.people {
         failed.extend(person.error.map(anyhow::Error::from));
-        let Some(CallReport { figures, end }) = person.call else {
+        let Some(CallReport { figures, end, .. }) = person.call else {
             continue;
         };
         log::info!(

@@ -46,6 +46,12 @@ impl OwnMotion {
         is_seen
     }
 
+    /// Whether one is seen.
+    #[must_use]
+    pub fn is_seen(&self) -> bool {
+        !self.0.visibility.is_hidden()
+    }
+
     fn lock(&self) -> MutexGuard<'_, Option<(MotionParams, Instant)>> {
         self.0.newest.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -89,7 +95,7 @@ mod tests {
         assert!(own.next(Duration::ZERO).is_none(), "not looked at");
         let hidden = own.visibility();
         assert!(hidden.is_hidden());
-        assert!(own.toggle() && !hidden.is_hidden(), "seen from now on");
+        assert!(own.toggle() && own.is_seen(), "seen from now on");
         own.show(Instant::now(), &at(2.0));
         own.show(Instant::now(), &at(3.0));
         let shown = own.next(Duration::ZERO).expect("the newest");

@@ -80,6 +80,8 @@ pub struct CallReport {
     pub figures: CallFigures,
     /// Why it is over; nothing where this side left.
     pub end: Option<CallEnd>,
+    /// What was counted and told of it, which tells whose it was.
+    pub watch: CallWatch,
 }
 
 impl NetworkContext {
@@ -110,6 +112,7 @@ impl CallReport {
         let report = Self {
             end: call.end(),
             figures: call.figures(),
+            watch: call.watch(),
         };
         network.block_on(call.hang_up());
         report

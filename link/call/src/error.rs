@@ -3,6 +3,7 @@
 use crate::plan::Relay;
 use link_http::HttpError;
 use link_protocol::ProtocolError;
+use link_protocol::limits::MAX_PEOPLE;
 
 /// An error of signaling, transport or transfer.
 #[derive(Debug, thiserror::Error)]
@@ -29,6 +30,9 @@ pub enum CallError {
     /// The sender is not in its room.
     #[error("the sender is not in the room now")]
     SenderAbsent,
+    /// All seats of the call are taken.
+    #[error("the call is full: it has {MAX_PEOPLE} seats, and all are taken")]
+    Full,
     /// The system gave no random number for a session.
     #[error("the system gives no random numbers")]
     Random(#[from] getrandom::Error),
@@ -54,12 +58,6 @@ impl CallError {
     #[must_use]
     pub fn is_final(&self) -> bool {
         matches!(self, Self::Http(error) if error.is_final())
-    }
-
-    /// Whether the seat of a call is another person's.
-    #[must_use]
-    pub fn is_seat_taken(&self) -> bool {
-        matches!(self, Self::Http(HttpError::SeatTaken))
     }
 
     /// Whether the room or package does not exist for this token.

@@ -42,6 +42,7 @@ pub mod path;
 mod peer;
 mod plan;
 mod privacy;
+mod seats;
 pub mod sender;
 mod session;
 mod telling;
@@ -53,6 +54,7 @@ pub use error::CallError;
 pub use path::Path;
 pub use plan::{Relay, RelayTransport};
 pub use privacy::Privacy;
+pub use seats::Venue;
 pub use sender::Sender;
 pub use viewer::{CallEvent, Viewer};
 

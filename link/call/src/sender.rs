@@ -7,6 +7,7 @@ use crate::path::Path;
 use crate::peer::{Peer, PeerEvent, SendOutcome};
 use crate::plan::Planner;
 use crate::privacy::Privacy;
+use crate::seats::Venue;
 use crate::telling::Telling;
 use crate::{Backoff, CallError, addresses, answer_bye, is_set, renew, send_bye};
 use link_codec::{Codec, Encoder, Micros, MotionFrame};
@@ -17,7 +18,7 @@ use link_protocol::announcement::ChannelMode;
 use link_protocol::calls::EnterRoom;
 use link_protocol::data_channel::{Message, Pong, State};
 use link_protocol::presence::PresenceEvent;
-use link_protocol::{IceServers, Name, RoomLink};
+use link_protocol::{Announcement, CallLink, IceServers, Name, RoomLink};
 use link_voice::{Voice, timestamp};
 use serde::Serialize;
 use spmm3::MotionParams;
@@ -52,6 +53,7 @@ const VOICE_WAITING: usize = 10;
 /// A sender's presence in a room, and its viewers.
 #[derive(Debug)]
 pub struct Sender {
+    venue: Venue,
     frames: watch::Sender<Arc<MotionFrame>>,
     voice: broadcast::Sender<Voice>,
     privacy: Privacy,
@@ -124,7 +126,7 @@ struct Shared {
     planner: Planner,
     /// What the server told last.
     ice_servers: IceServers,
-    room: RoomLink,
+    venue: Venue,
     codec: Codec,
     channel: ChannelMode,
     clock: Clock,
@@ -148,10 +150,35 @@ impl Sender {
     pub async fn enter(
         client: Client,
         room: RoomLink,
+        announcement: Announcement,
+        clock: Clock,
+    ) -> Result<Self, CallError> {
+        let entering = EnterRoom::from(announcement);
+        let (venue, presence) = Venue::of_room(&client, room, &entering).await?;
+        Ok(Self::start(client, venue, presence, entering, clock))
+    }
+
+    /// As [`Self::enter`], in the first free seat of `call`. Whoever loses it in an outage takes another one.
+    ///
+    /// # Errors
+    /// [`CallError::Full`], or as [`Self::enter`].
+    pub async fn enter_call(
+        client: Client,
+        call: CallLink,
         entering: EnterRoom,
         clock: Clock,
     ) -> Result<Self, CallError> {
-        let presence = client.open_presence(&room, &entering).await?;
+        let (venue, presence) = Venue::of_call(&client, call, &entering).await?;
+        Ok(Self::start(client, venue, presence, entering, clock))
+    }
+
+    fn start(
+        client: Client,
+        venue: Venue,
+        presence: Presence,
+        entering: EnterRoom,
+        clock: Clock,
+    ) -> Self {
         let announcement = entering.announcement;
         let (frames, newest) = watch::channel(Arc::default());
         let voice = broadcast::Sender::new(VOICE_WAITING);
@@ -164,7 +191,7 @@ impl Sender {
             client,
             planner: Planner::default(),
             ice_servers: IceServers::default(),
-            room,
+            venue: venue.clone(),
             codec: announcement.codec,
             channel: announcement.channel,
             clock,
@@ -178,7 +205,8 @@ impl Sender {
             counts: Arc::clone(&counts),
         };
         let task = tokio::spawn(answer_viewers(shared, entering, presence));
-        Ok(Self {
+        Self {
+            venue,
             frames,
             voice,
             privacy,
@@ -187,7 +215,13 @@ impl Sender {
             stop,
             task,
             counts,
-        })
+        }
+    }
+
+    /// Where viewers meet this sender.
+    #[must_use]
+    pub fn venue(&self) -> Venue {
+        self.venue.clone()
     }
 
     /// Sends `motion`, captured at `captured` by the sender's clock, to every viewer, unless the person is hidden. Never waits: a viewer's task
@@ -293,8 +327,8 @@ async fn answer_viewers(mut shared: Shared, entering: EnterRoom, presence: Prese
                 // What the new network lets through is found out before the viewers' new offers come.
                 let ahead = shared.clone();
                 tokio::spawn(async move {
-                    let server = ahead.room.server();
-                    ahead.planner.plan(server, &ahead.ice_servers).await;
+                    let room = ahead.venue.room();
+                    ahead.planner.plan(room.server(), &ahead.ice_servers).await;
                 });
                 continue;
             }
@@ -333,6 +367,8 @@ async fn answer_viewers(mut shared: Shared, entering: EnterRoom, presence: Prese
                     leave.send_replace(true);
                 }
             }
+            // Another server of the same call did not know yet that the seat was taken.
+            PresenceEvent::Replaced if shared.venue.is_of_call() => presence = None,
             PresenceEvent::Replaced => {
                 log::warn!("another sender has entered the room: new viewers go there");
                 // The viewers of this sender may stay.
@@ -363,13 +399,13 @@ async fn next_event(
             }
         }
         tokio::time::sleep(backoff.next()).await;
-        match shared.client.open_presence(&shared.room, entering).await {
+        match shared.venue.come_back(&shared.client, entering).await {
             Ok(open) => {
                 log::info!("in the room again");
                 backoff.reset();
                 *presence = Some(open);
             }
-            Err(HttpError::Unauthorized { .. }) => {
+            Err(CallError::Http(HttpError::Unauthorized { .. })) => {
                 log::warn!(
                     "the room has expired: calls go on, but no other viewer can join; open another room"
                 );
@@ -387,13 +423,16 @@ async fn serve_viewer(
     offer: String,
     mut left: watch::Receiver<bool>,
 ) -> Result<(), CallError> {
-    let server = shared.room.server();
-    let plan = shared.planner.plan(server, &shared.ice_servers).await;
+    // Where the offer came from: another seat may be taken meanwhile.
+    let room = shared.venue.room();
+    let plan = (shared.planner)
+        .plan(room.server(), &shared.ice_servers)
+        .await;
     let relay = plan.relay.clone();
     let (mut peer, answer) = Peer::answer(plan, shared.channel, offer).await?;
     // The viewer's first feedback has the session's number.
     let introduced = timeout(OPEN_TIMEOUT, async {
-        shared.client.answer(&shared.room, session, &answer).await?;
+        shared.client.answer(&room, session, &answer).await?;
         peer.opened().await?;
         loop {
             match peer.next().await {

@@ -78,7 +78,7 @@ pub struct ViewerStatistics {
     pub sessions: u32,
     /// Frames that passed every check.
     pub frames: u64,
-    /// Frames dropped because too many waited for [`Viewer::next`].
+    /// Frames and states dropped because too many waited for [`Viewer::next`].
     pub overrun: u64,
     /// Bytes of all messages, without any header.
     pub payload_bytes: u64,
@@ -153,9 +153,15 @@ impl Viewer {
         locked(&self.statistics).clone()
     }
 
+    /// Begins to hang up: from now on nothing more arrives.
+    pub fn leave(&self) {
+        let begins = |left: &mut bool| !std::mem::replace(left, true);
+        self.stop.send_if_modified(begins);
+    }
+
     /// Hangs up and leaves the room.
     pub async fn hang_up(self) {
-        self.stop.send_replace(true);
+        self.leave();
         if let Err(error) = self.task.await {
             log::error!("a task of the call failed: {error}");
         }
@@ -397,8 +403,9 @@ impl Call {
             Some(Message::State(State { person, sent })) => {
                 // Voice without motion needs the sender's time, too.
                 session.newest_captured = session.newest_captured.max(Some(sent));
-                if self.state.replace(person) != Some(person) {
-                    self.emit(CallEvent::State(person));
+                // It comes again and again: one that finds no room is told the next time.
+                if self.state != Some(person) && self.emit(CallEvent::State(person)) {
+                    self.state = Some(person);
                 }
             }
             Some(Message::Feedback(_)) => log::debug!("ignored a feedback from the sender"),
@@ -438,16 +445,18 @@ impl Call {
         self.voice.push(Voice { captured, opus }, self.clock.now());
     }
 
-    fn emit(&self, event: CallEvent) {
-        // Frames may be dropped where the caller is slow; other events may not.
-        let droppable = matches!(event, CallEvent::Frame { .. });
+    /// Hands an event on; whether there was room for it.
+    fn emit(&self, event: CallEvent) -> bool {
+        // What a sender may send any number of is dropped where the caller is slow; what a connection brings once is not.
+        let droppable = matches!(event, CallEvent::Frame { .. } | CallEvent::State(_));
         if droppable && self.waiting.load(Relaxed) >= MAX_WAITING {
             self.with_statistics(|s| s.overrun += 1);
-            return;
+            return false;
         }
         self.waiting.fetch_add(1, Relaxed);
         // Without a receiver the viewer is being dropped, which stops this task.
         let _ = self.events.send(event);
+        true
     }
 
     fn with_statistics<T>(&self, look: impl FnOnce(&mut ViewerStatistics) -> T) -> T {

@@ -313,7 +313,7 @@ impl Reply {
                 what,
                 advice: advice(what),
             },
-            409 => HttpError::SeatTaken,
+            409 if what == PRESENCE => HttpError::SeatTaken,
             413 => HttpError::TooLarge { server, what },
             429 => HttpError::RateLimited {
                 server,

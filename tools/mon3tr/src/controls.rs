@@ -101,21 +101,22 @@ impl Controls {
 
     /// Whose voice is heard now.
     pub(crate) fn speakers(&self) -> Vec<String> {
-        let now = self.clock.now();
         let all = self.members.all().into_iter();
-        all.filter(|member| member.voice.heard_offset_us(now).is_some())
+        all.filter(|member| self.speaks(member))
             .map(|member| member.name)
             .collect()
+    }
+
+    fn speaks(&self, member: &Member) -> bool {
+        member.voice.heard_offset_us(self.clock.now()).is_some()
     }
 
     fn print_who(&self) {
         let own = self.privacy.state();
         let mut lines = vec![format!("you{}", described(own.muted, own.hidden, false))];
-        let speakers = self.speakers();
         for member in self.members.all() {
             let state = member.watch.state();
-            let speaks = speakers.contains(&member.name);
-            let described = described(state.muted, state.hidden, speaks);
+            let described = described(state.muted, state.hidden, self.speaks(&member));
             lines.push(format!("{}{described}", member.name));
         }
         println!("in the call: {}", lines.join("; "));

@@ -160,8 +160,16 @@ impl Viewpoint {
         self.eye = self.target + turn * Vec3::Z * distance;
     }
 
-    /// Multiplies the distance from eye to target, within 0.3 to 20 m.
+    /// From eye to target, metres; never 0.
+    pub(crate) fn distance(&self) -> f32 {
+        self.eye.distance(self.target).max(f32::MIN_POSITIVE)
+    }
+
+    /// Multiplies the distance from eye to target, within 0.3 to 20 m; a factor of 1 leaves any as it is.
     pub(crate) fn approach(&mut self, factor: f32) {
+        if factor == 1.0 {
+            return;
+        }
         let arm = self.eye - self.target;
         let distance = (arm.length() * factor).clamp(0.3, 20.0);
         self.eye = self.target + arm.normalize_or(Vec3::Z) * distance;

@@ -126,8 +126,8 @@ struct View<'a, 'd> {
     open: Option<Open>,
     /// The viewpoint that was asked for, of one person.
     asked: Viewpoint,
-    /// How wide people stood when the camera was put where all of them are seen.
-    framed: Option<f32>,
+    /// From where all people were seen last, if nobody had turned the camera.
+    framed: Option<Viewpoint>,
     /// Where the cursor was when the last part of a drag was taken.
     drag: Option<PhysicalPosition<f64>>,
     cursor: PhysicalPosition<f64>,
@@ -280,8 +280,11 @@ impl View<'_, '_> {
             ..
         } = &mut *self.display;
         let Size { width, height } = *size;
-        if self.framed.replace(people.width) != Some(people.width) {
-            *viewpoint = flat::around(self.asked, &people, *size);
+        let framed = flat::around(self.asked, &people, *size);
+        match self.framed.replace(framed) {
+            None => *viewpoint = framed,
+            // People come and go, and the camera stays turned as it is.
+            Some(before) => viewpoint.approach(framed.distance() / before.distance()),
         }
         let viewpoint = match gaze {
             Some(gaze) => gaze.follow(*viewpoint, Instant::now()),

@@ -31,7 +31,7 @@ pub struct Report {
 }
 
 /// Sizes of the avatar that was shown.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, Serialize)]
 pub struct AvatarFigures {
     /// The name that its package gives it.
     pub name: String,

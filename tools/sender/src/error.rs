@@ -1,7 +1,6 @@
 //! What can stop a sender.
 
 use link_call::CallError;
-use link_protocol::limits::MAX_PEOPLE;
 use link_voice::{RATE, VoiceError};
 use std::path::PathBuf;
 
@@ -19,9 +18,6 @@ pub enum SendError {
         .0.display()
     )]
     NotUploaded(PathBuf),
-    /// All seats of the call are taken.
-    #[error("the call is full: it has {MAX_PEOPLE} seats, and all are taken")]
-    CallFull,
     /// The source of motion failed, as it says itself.
     #[error(transparent)]
     Capture(Box<dyn std::error::Error + Send + Sync>),

@@ -7,13 +7,9 @@ use link_http::Client;
 use link_playout::Clock;
 use link_protocol::announcement::{AvatarRef, ChannelMode};
 use link_protocol::calls::EnterRoom;
-use link_protocol::limits::MAX_PEOPLE;
 use link_protocol::room_link::ServerUrl;
 use link_protocol::{Announcement, CallLink, Name, PersonName, RoomLink};
 use std::path::PathBuf;
-
-/// Seats that are tried: others may take one at the same moment.
-const ATTEMPTS: usize = 2 * MAX_PEOPLE;
 
 /// What a sender needs to enter.
 #[derive(Debug, Clone)]
@@ -80,10 +76,8 @@ impl Place {
 /// A sender in its room.
 #[derive(Debug)]
 pub struct Entered {
-    /// Sends motion to the viewers.
+    /// Sends motion to the viewers; its room's link is the one to come back with.
     pub host: Sender,
-    /// The sender's own link, with which to come back.
-    pub sender: RoomLink,
     /// The viewers' link, where the room was opened here.
     pub viewers: Option<RoomLink>,
 }
@@ -123,8 +117,8 @@ pub async fn enter(
         codec: desk.codec,
         rate_hz: desk.rate_hz,
     };
-    let enter = async |room: &RoomLink, entering: EnterRoom| {
-        Sender::enter(client.clone(), room.clone(), entering, clock).await
+    let enter = async |room: &RoomLink| {
+        Sender::enter(client.clone(), room.clone(), announcement, clock).await
     };
     match &desk.place {
         Place::Call { link, name } => {
@@ -133,33 +127,17 @@ pub async fn enter(
                 person: name.clone(),
                 occupant: Some(occupant()?),
             };
-            for _ in 0..ATTEMPTS {
-                let status = client.call_status(link).await.map_err(CallError::from)?;
-                let free = status.seats.iter().find(|seat| seat.taken.is_none());
-                let Some(seat) = free else {
-                    return Err(SendError::CallFull);
-                };
-                let sender = link.seat(&seat.room);
-                match enter(&sender, entering.clone()).await {
-                    // Another one was faster.
-                    Err(error) if error.is_seat_taken() => {}
-                    entered => {
-                        return Ok(Entered {
-                            host: entered?,
-                            sender,
-                            viewers: None,
-                        });
-                    }
-                }
-            }
-            Err(SendError::CallFull)
+            let host = Sender::enter_call(client.clone(), link.clone(), entering, clock).await?;
+            Ok(Entered {
+                host,
+                viewers: None,
+            })
         }
-        Place::Room { link, .. } => match enter(link, announcement.into()).await {
+        Place::Room { link, .. } => match enter(link).await {
             // The room is there, for its token is good: it is the avatar that the store lacks.
             Err(error) if error.is_not_found() => Err(SendError::NotUploaded(desk.avatar.clone())),
             entered => Ok(Entered {
                 host: entered?,
-                sender: link.clone(),
                 viewers: None,
             }),
         },
@@ -170,8 +148,7 @@ pub async fn enter(
             let room = client.open_room(server, owner_token, None).await;
             let room = room.map_err(CallError::from)?;
             Ok(Entered {
-                host: enter(&room.sender, announcement.into()).await?,
-                sender: room.sender,
+                host: enter(&room.sender).await?,
                 viewers: Some(room.viewer),
             })
         }

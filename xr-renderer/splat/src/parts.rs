@@ -27,7 +27,7 @@ const GAUSSIANS: u32 = 7;
 const PUSH_BYTES: u32 = 60;
 const _: () = assert!(PUSH_BYTES as usize == size_of::<PartParams>(), "whole");
 /// Sets of resources, one for each part.
-const SETS: u32 = 8;
+const SETS: u32 = 9;
 const _: () = assert!(SETS as usize == MOST_PARTS, "one for each");
 
 /// What is projected as the foreground. It may be changed only while the device is idle.

@@ -31,7 +31,7 @@ mod visibility;
 pub use display::{DisplayClock, Next, Tick};
 pub use motion::{MotionSource, Pose};
 pub use pausable::PausableSource;
-pub use people::MOST_PEOPLE;
+pub use people::{Joined, MOST_PEOPLE};
 pub use person::FinishedPerson;
 pub use triple_buffer::{Reader, WakeSignal, Writer, triple_buffer};
 pub use visibility::Visibility;

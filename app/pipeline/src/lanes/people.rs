@@ -21,10 +21,15 @@ pub const MOST_PEOPLE: usize = MOST_PARTS - 1;
 pub(super) struct People<S: MotionSource> {
     pub(super) first: Person<S>,
     others: Vec<Person<S>>,
-    /// All who joined so far.
-    joined: usize,
-    /// Those whose number another person has now, by their order of joining.
-    departed: Vec<(usize, FinishedPerson<S>)>,
+}
+
+/// A person who has joined.
+#[derive(Debug)]
+pub struct Joined<S> {
+    /// Their number: that of one who is gone, or else the next one.
+    pub number: usize,
+    /// What is left of the one who had it before.
+    pub replaced: Option<FinishedPerson<S>>,
 }
 
 impl<S: MotionSource> People<S> {
@@ -32,8 +37,6 @@ impl<S: MotionSource> People<S> {
         Self {
             first,
             others: Vec::new(),
-            joined: 1,
-            departed: Vec::new(),
         }
     }
 
@@ -49,23 +52,21 @@ impl<S: MotionSource> People<S> {
         std::iter::once(&mut self.first).chain(&mut self.others)
     }
 
-    /// Takes in who has joined: the number of one who is gone, or else the next one. Their number.
-    fn admit(&mut self, mut person: Person<S>) -> usize {
-        person.joined = self.joined;
-        self.joined += 1;
+    /// Takes in who has joined.
+    fn admit(&mut self, person: Person<S>) -> Joined<S> {
         let vacant = self.iter().position(|one| one.is_gone);
         let number = vacant.unwrap_or(self.count());
         let gone = match number.checked_sub(1) {
             None => Some(&mut self.first),
             Some(other) => self.others.get_mut(other),
         };
-        if let Some(gone) = gone {
-            let gone = std::mem::replace(gone, person);
-            self.departed.push((gone.joined, gone.finish()));
+        let replaced = if let Some(gone) = gone {
+            Some(std::mem::replace(gone, person).finish())
         } else {
             self.others.push(person);
-        }
-        number
+            None
+        };
+        Joined { number, replaced }
     }
 
     fn get(&self, person: usize) -> Option<&Person<S>> {
@@ -108,19 +109,15 @@ impl<S: MotionSource> People<S> {
         Ok(())
     }
 
-    /// Stops all lanes; what is left of each person, in the order in which they joined.
+    /// Stops all lanes; what is left of each person, by their numbers.
     pub(super) fn finish(self) -> Vec<FinishedPerson<S>> {
-        let there = std::iter::once(self.first).chain(self.others);
-        let mut all = self.departed;
-        all.extend(there.map(|person| (person.joined, person.finish())));
-        all.sort_by_key(|(joined, _)| *joined);
-        all.into_iter().map(|(_, person)| person).collect()
+        let all = std::iter::once(self.first).chain(self.others);
+        all.map(Person::finish).collect()
     }
 }
 
 impl<S: MotionSource> Lanes<S> {
-    /// Another person comes into the picture: lanes of their own for `avatar`, on poses from `source`. Returns their number:
-    /// that of one who is gone, or else the next one; that of the first is 0.
+    /// Another person comes into the picture: lanes of their own for `avatar`, on poses from `source`. The first one's number is 0.
     ///
     /// # Errors
     /// [`Plan::Gpu`], which is the first person's only; too many people, or more Gaussians together than the renderer was made for;
@@ -131,7 +128,7 @@ impl<S: MotionSource> Lanes<S> {
         inference: Inference,
         source: S,
         plan: Plan,
-    ) -> Result<usize, ReceiverError> {
+    ) -> Result<Joined<S>, ReceiverError> {
         if plan == Plan::Gpu {
             return Err(ReceiverError::PosedTwice);
         }
@@ -142,9 +139,9 @@ impl<S: MotionSource> Lanes<S> {
         check_room(&self.renderer, self.room_taken().saturating_add(count))?;
         let (renderer, latency) = (&self.renderer, self.latency);
         let person = Person::start(avatar, inference, renderer, source, plan, latency)?;
-        let number = self.people.admit(person);
-        self.place(number, Affine3A::IDENTITY);
-        Ok(number)
+        let joined = self.people.admit(person);
+        self.place(joined.number, Affine3A::IDENTITY);
+        Ok(joined)
     }
 
     /// Puts a person there from the next picture on: `world_from_person` is rigid, from the space of their poses. At first it
@@ -163,6 +160,11 @@ impl<S: MotionSource> Lanes<S> {
     /// Whether each person, by number, is to be seen as soon as there are Gaussians of them: not while they are hidden, nor once they are gone.
     pub fn present(&self) -> impl Iterator<Item = bool> {
         self.people.iter().map(Person::is_present)
+    }
+
+    /// Whether each person, by number, has not left yet, hidden or not.
+    pub fn attending(&self) -> impl Iterator<Item = bool> {
+        self.people.iter().map(|person| !person.is_gone)
     }
 
     /// The number of the newest motion frame that goes into the picture that was begun, of a person who is in it. Motion frames are
@@ -236,7 +238,7 @@ impl<S: MotionSource> Lanes<S> {
         self.people.get(person).map(|person| person.fault.clone())
     }
 
-    /// Stops the lanes; what is left of each person, in the order in which they joined.
+    /// Stops the lanes; what is left of each person, by their numbers. Whoever was replaced was handed out by [`Self::join`].
     pub fn finish(self) -> Vec<FinishedPerson<S>> {
         self.people.finish()
     }

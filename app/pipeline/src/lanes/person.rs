@@ -35,8 +35,6 @@ pub(super) struct Person<S: MotionSource> {
     /// Rigid.
     pub(super) world_from_person: Affine3A,
     pub(super) visibility: Visibility,
-    /// Their number in the order of joining, of all who ever did.
-    pub(super) joined: usize,
     /// They left, or a lane of theirs ended, while another person stays.
     pub(super) is_gone: bool,
     /// What ended that lane.

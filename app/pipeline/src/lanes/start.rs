@@ -158,7 +158,6 @@ impl<S: MotionSource> Person<S> {
             asked: None,
             world_from_person: Affine3A::IDENTITY,
             visibility,
-            joined: 0,
             is_gone: false,
             error: None,
         })

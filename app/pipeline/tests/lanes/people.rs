@@ -4,7 +4,7 @@ use crate::stage::{BLACK, CPU, SIDE, Stage, Swing, avatar};
 use app_pipeline::deform::Deformer;
 use app_pipeline::error::ReceiverError;
 use app_pipeline::inference::Inference;
-use app_pipeline::lanes::MotionSource;
+use app_pipeline::lanes::{Joined, MotionSource};
 use app_pipeline::plan::Plan;
 use app_pipeline::profile::Collector;
 use app_pipeline::profile::Profile;
@@ -105,7 +105,7 @@ fn two_people_are_drawn_together_each_in_their_place() {
         let Some(mut stage) = Stage::new(&gpu, plan, &[CPU], at_rest()) else {
             return;
         };
-        let joined = stage.join(other, at_rest());
+        let joined = stage.join(other, at_rest()).number;
         assert_eq!(joined, 1, "the second");
         let [first, second] = places();
         stage.lanes.place(0, first);
@@ -242,7 +242,10 @@ fn people_and_scenery_beyond_what_the_renderer_was_made_for_are_refused() {
         matches!(join(Plan::Gpu), Err(ReceiverError::PosedTwice)),
         "one mesh"
     );
-    assert!(matches!(join(Plan::Cpu), Ok(1)), "room for two");
+    assert!(
+        matches!(join(Plan::Cpu), Ok(Joined { number: 1, .. })),
+        "room for two"
+    );
     let too_many = |error| {
         let room = RenderError::TooManyGaussians {
             count: 6_000,
@@ -296,12 +299,17 @@ fn a_newcomer_takes_the_number_of_one_who_is_gone_and_each_is_recorded() {
     };
     let taken = stage.lanes.room_taken();
     // There is room for two: again and again another one comes and goes.
+    let mut replaced = Vec::new();
     for round in 1..=5u64 {
         let guest = at_rest();
         let hangs_up = Arc::clone(&guest.hangs_up);
-        assert_eq!(stage.join(Plan::CpuTail, guest), 1, "round {round}");
+        let joined = stage.join(Plan::CpuTail, guest);
+        assert_eq!(joined.number, 1, "round {round}");
+        assert_eq!(joined.replaced.is_some(), round > 1, "round {round}");
+        replaced.extend(joined.replaced);
         stage.draw_until_seen(2);
         assert!(stage.lanes.present().eq([true, true]));
+        assert!(stage.lanes.attending().eq([true, true]));
         hangs_up.store(true, Relaxed);
         stage.draw_until_seen(1);
         assert!(stage.lanes.present().eq([true, false]));
@@ -309,18 +317,19 @@ fn a_newcomer_takes_the_number_of_one_who_is_gone_and_each_is_recorded() {
     }
     assert!(!stage.lanes.is_over(), "one has stayed");
     let finished = stage.lanes.finish();
-    assert_eq!(finished.len(), 6, "everyone who was there");
-    for person in &finished {
+    assert_eq!(finished.len(), 2, "who was there last, by number");
+    assert_eq!(replaced.len(), 4, "the others were handed out");
+    for person in finished.iter().chain(&replaced) {
         assert!(person.source.is_some(), "their source is given back");
         assert!(person.error.is_none(), "{:?}", person.error);
         assert!(person.collector.pictures().count() > 0, "they were seen");
     }
     let longest = finished[0].collector.pictures().count();
-    let others = finished[1..].iter();
+    let others = finished[1..].iter().chain(&replaced);
     assert!(
         others
             .map(|one| one.collector.pictures().count())
             .all(|count| count < longest),
-        "in the order of joining, the one who stayed first"
+        "the one who stayed is the first"
     );
 }

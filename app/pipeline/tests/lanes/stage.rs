@@ -2,7 +2,7 @@
 
 use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::inference::Inference;
-use app_pipeline::lanes::{DisplayClock, Drawn, LaneOptions, Lanes, MotionSource, Pose};
+use app_pipeline::lanes::{DisplayClock, Drawn, Joined, LaneOptions, Lanes, MotionSource, Pose};
 use app_pipeline::plan::Plan;
 use app_pipeline::profile::FrameTimes;
 use app_pipeline::quality::QualityMode;
@@ -175,8 +175,8 @@ impl Stage {
         })
     }
 
-    /// Somebody joins, who looks the same; returns their number.
-    pub(crate) fn join(&mut self, plan: Plan, swing: Swing) -> usize {
+    /// Somebody joins, who looks the same.
+    pub(crate) fn join(&mut self, plan: Plan, swing: Swing) -> Joined<Swing> {
         let graph = plan.graph();
         let inference = Inference::open(&self.runtime, &self.avatar, graph, &[CPU], None);
         let inference = inference.expect("a session");

@@ -148,6 +148,9 @@ impl Call {
             Some(CallEnd::HungUp) => self.buffer.waiting() == 0 && self.is_heard(),
             end => end.is_some() || self.watch.is_left(),
         };
+        if self.watch.is_left() {
+            self.viewer.leave();
+        }
         if is_over {
             self.watch.end();
         }

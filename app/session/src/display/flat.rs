@@ -89,7 +89,7 @@ impl<'a> FlatView<'a> {
         hertz: f64,
         background: Option<LoadBackground<'a>>,
     ) -> Self {
-        let people = session.avatars.len();
+        let people = session.people.len();
         let now = Instant::now();
         Self {
             clock: DisplayClock::new(hertz),
@@ -187,8 +187,8 @@ impl<'a> FlatView<'a> {
         match &mut self.arrangement {
             Arrangement::Alone(followed) => {
                 let motion = session.lanes.poses().next().flatten()?;
-                let avatar = session.avatars.first()?;
-                let pelvis = avatar.skeleton.rest_positions()[Joint::Pelvis.index()];
+                let person = session.people.first()?;
+                let pelvis = person.avatar.skeleton.rest_positions()[Joint::Pelvis.index()];
                 let stands = Vec3::new(1.0, 0.0, 1.0) * (motion.root_translation + pelvis);
                 let followed = followed.get_or_insert_with(|| {
                     let forward = motion.rotation(Joint::Pelvis) * Vec3::Z;
@@ -214,11 +214,19 @@ impl<'a> FlatView<'a> {
             } => {
                 standing.clear();
                 standing.extend(
-                    (session.lanes.poses().zip(session.avatars.iter()))
-                        .map(|(motion, avatar)| Standing::of(&avatar.skeleton, motion?)),
+                    (session.lanes.poses().zip(session.people.iter()))
+                        .map(|(motion, person)| Standing::of(&person.avatar.skeleton, motion?)),
                 );
+                // Who hides keeps their place; who looks at themselves needs one.
+                let there = session.lanes.present().zip(session.lanes.attending());
                 present.clear();
-                present.extend(session.lanes.present());
+                present.extend(there.enumerate().map(|(person, (is_seen, attends))| {
+                    if person < session.own {
+                        is_seen
+                    } else {
+                        attends
+                    }
+                }));
                 let places = lineup.update(standing, present);
                 self.world_from_person.clear();
                 self.world_from_person.extend_from_slice(places);

@@ -19,14 +19,13 @@ use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::Lanes;
 use app_pipeline::placement::PlacementReport;
-use attendance::Ready;
+use attendance::Attendance;
 use renderer_openxr::error::XrError;
 use renderer_splat::camera::Camera;
 use renderer_splat::options::RendererOptions;
 use renderer_vulkan::gpu::Gpu;
 use spmm3::Avatar;
 use std::sync::Arc;
-use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 /// Gaussians that a picture has room for beside the people's: their shadows.
@@ -68,18 +67,25 @@ pub struct DisplayNeeds {
 pub struct LiveSession<'a> {
     /// Makes the pictures, of all people.
     pub lanes: &'a mut Lanes<PersonSource>,
-    /// Each person's avatar, by their number in the lanes.
-    pub avatars: &'a mut Vec<Arc<Avatar>>,
-    /// What runs where, for each person, in the order of joining.
-    pub placements: &'a mut Vec<PlacementReport>,
-    /// What the first person's call counts, if it is one.
-    pub call: Option<CallWatch>,
+    /// The people, by their numbers in the lanes.
+    pub people: &'a mut Vec<Attendee>,
     /// Pauses and ends the session.
     pub control: &'a Control,
     /// How many of the first people are the viewer themselves, as in a mirror.
     pub(crate) own: usize,
-    /// Newcomers who are ready to be shown, where any are taken in.
-    pub(crate) arrived: Option<&'a mut Receiver<Ready>>,
+    /// Where newcomers are taken in.
+    pub(crate) attendance: Option<&'a mut Attendance>,
+}
+
+/// A person of a session while it is shown.
+#[derive(Debug)]
+pub struct Attendee {
+    /// What they look like.
+    pub avatar: Arc<Avatar>,
+    /// What runs where.
+    pub placement: PlacementReport,
+    /// What is counted and told of the call with them, if their motion comes from one.
+    pub watch: Option<CallWatch>,
 }
 
 impl LiveSession<'_> {
@@ -89,19 +95,11 @@ impl LiveSession<'_> {
     /// If nothing can be drawn any longer.
     pub fn admit(&mut self) -> Result<Vec<usize>, SessionError> {
         let mut numbers = Vec::new();
-        let Some(arrived) = self.arrived.as_deref() else {
+        let Some(Attendance { ready, departed }) = self.attendance.as_deref() else {
             return Ok(numbers);
         };
-        for newcomer in arrived.try_iter() {
-            let Some((number, avatar, placement)) = newcomer.join(self.lanes)? else {
-                continue;
-            };
-            match self.avatars.get_mut(number) {
-                Some(gone) => *gone = avatar,
-                None => self.avatars.push(avatar),
-            }
-            self.placements.push(placement);
-            numbers.push(number);
+        for newcomer in ready.try_iter() {
+            numbers.extend(newcomer.join(self.lanes, self.people, departed)?);
         }
         Ok(numbers)
     }
@@ -109,7 +107,7 @@ impl LiveSession<'_> {
     /// Whether people come and go.
     #[must_use]
     pub fn is_open(&self) -> bool {
-        self.arrived.is_some()
+        self.attendance.is_some()
     }
 }
 

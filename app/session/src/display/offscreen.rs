@@ -120,9 +120,11 @@ impl Display for OffscreenDisplay<'_> {
                 continue;
             };
             view.displayed(session);
-            let people = (session.lanes.poses().zip(session.avatars.iter()))
+            let people = (session.lanes.poses().zip(session.people.iter()))
                 .zip(view.world_from_person())
-                .filter_map(|((motion, avatar), place)| Some((&**avatar, motion?.clone(), *place)))
+                .filter_map(|((motion, person), place)| {
+                    Some((&*person.avatar, motion?.clone(), *place))
+                })
                 .collect();
             self.observer.drawn(DrawnPicture {
                 renderer: session.lanes.renderer(),

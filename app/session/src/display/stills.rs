@@ -9,6 +9,7 @@ use app_pipeline::stage::Stage;
 use glam::Affine3A;
 use renderer_splat::camera::Camera;
 use spmm3::MotionParams;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Between two looks whether a pose's state is there.
@@ -82,11 +83,8 @@ impl Display for StillsDisplay<'_> {
 
     fn show(&mut self, mut session: LiveSession<'_>) -> Result<(), SessionError> {
         let session = &mut session;
-        let avatar = session
-            .avatars
-            .first()
-            .cloned()
-            .ok_or(SessionError::NoParticipants)?;
+        let person = session.people.first().ok_or(SessionError::NoParticipants)?;
+        let avatar = Arc::clone(&person.avatar);
         let stills = std::mem::replace(&mut self.stills, Box::new(std::iter::empty()));
         for (number, (still, motion_frame)) in stills.into_iter().zip(1..).enumerate() {
             self.poses.push(still.motion.clone());
@@ -120,7 +118,8 @@ impl Display for StillsDisplay<'_> {
 
 /// Waits until a motion frame's state is made. No picture is begun meanwhile: the CPU would make Gaussians for it first.
 fn wait_for_state(session: &mut LiveSession<'_>, motion_frame: u64) -> Result<(), SessionError> {
-    let posed_by_device = (session.placements.first()).is_some_and(|one| one.plan == Plan::Gpu);
+    let posed_by_device =
+        (session.people.first()).is_some_and(|one| one.placement.plan == Plan::Gpu);
     let last = if posed_by_device {
         Stage::Inference
     } else {

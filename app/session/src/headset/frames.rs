@@ -57,11 +57,8 @@ impl<'a> Frames<'a> {
         wearer: Option<WearerSlot>,
         observer: &'a mut dyn FrameObserver,
     ) -> Result<Self, SessionError> {
-        let placement = people
-            .placements
-            .first()
-            .ok_or(SessionError::NoParticipants)?;
-        let overlay = OverlayWatch::new(placement.clone(), people.call.clone());
+        let first = people.people.first().ok_or(SessionError::NoParticipants)?;
+        let overlay = OverlayWatch::new(first.placement.clone(), first.watch.clone());
         Ok(Self {
             people,
             observer,

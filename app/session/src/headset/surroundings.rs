@@ -47,10 +47,10 @@ impl Places {
             .map_or(Duration::ZERO, |last| now.saturating_duration_since(last));
         self.standing.clear();
         // The viewer does not meet themselves.
-        let poses = people.lanes.poses().zip(people.avatars.iter());
+        let poses = people.lanes.poses().zip(people.people.iter());
         let others = poses.skip(people.own);
         self.standing
-            .extend(others.map(|(motion, avatar)| Standing::of(&avatar.skeleton, motion?)));
+            .extend(others.map(|(motion, person)| Standing::of(&person.avatar.skeleton, motion?)));
         let places = self.presence.update(viewer, &self.standing, elapsed);
         self.shadows.clear();
         for (person, (floor_from_person, standing)) in places.iter().zip(&self.standing).enumerate()

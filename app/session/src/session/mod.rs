@@ -4,13 +4,15 @@ mod report;
 
 pub use report::{PersonReport, SessionReport};
 
-use crate::display::attendance::{Ready, make_ready};
-use crate::display::{Display, DisplayNeeds, LiveSession, SCENERY_GAUSSIANS, SessionError};
+use crate::display::attendance::{Attendance, Doorway, Ready};
+use crate::display::{
+    Attendee, Display, DisplayNeeds, LiveSession, SCENERY_GAUSSIANS, SessionError,
+};
 use crate::participant::{Origin, Participant, PersonSource};
 use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;
-use app_pipeline::lanes::{FinishedPerson, LaneOptions, Lanes, MOST_PEOPLE, PausableSource};
-use app_pipeline::placement::{InferenceBackends, Placed, PlacementReport, place, place_first};
+use app_pipeline::lanes::{LaneOptions, Lanes, MOST_PEOPLE};
+use app_pipeline::placement::{InferenceBackends, Placed, place, place_first};
 use app_pipeline::plan::{PlacementRequest, Plan};
 use app_pipeline::pool::in_own_pool;
 use app_pipeline::quality::QualityMode;
@@ -22,6 +24,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Instant;
+
+/// People that a call's first renderer has room for, each with as many Gaussians as oneself.
+const EXPECTED_PEOPLE: u32 = 3;
 
 /// How people are to be shown.
 #[derive(Debug, Clone, Copy)]
@@ -90,7 +95,7 @@ impl<'a> Session<'a> {
             return Err(ReceiverError::TooManyPeople { most: MOST_PEOPLE }.into());
         }
         let needs = display.needs()?;
-        let mut avatars: Vec<Arc<Avatar>> = (self.participants.iter())
+        let avatars: Vec<Arc<Avatar>> = (self.participants.iter())
             .map(|person| Arc::clone(&person.avatar))
             .collect();
         let Prepared { placed, renderer } = self.prepare(&needs, &avatars, newcomers.is_some())?;
@@ -99,45 +104,67 @@ impl<'a> Session<'a> {
         let sources: Vec<PersonSource> = (self.participants.iter())
             .map(|person| person.join(control))
             .collect();
-        let call = (sources.first()).and_then(|first| first.source().source().watch());
-        let mut placements: Vec<PlacementReport> = (placed.iter())
-            .map(|placed| placed.report.clone())
+        let mut people: Vec<Attendee> = (avatars.iter().zip(&placed).zip(&sources))
+            .map(|((avatar, placed), source)| Attendee {
+                avatar: Arc::clone(avatar),
+                placement: placed.report.clone(),
+                watch: source.source().source().watch(),
+            })
             .collect();
-        let like = placements.first().cloned();
+        let like = people.first().map(|first| first.placement.clone());
         // Also when it is time to leave: the calls that were joined say goodbye at their end.
         let step = control.step();
         let mut lanes = self.start(&needs, &avatars, placed, renderer, sources)?;
         drop(step);
         let began = Instant::now();
         let over = AtomicBool::new(false);
-        let (ready, mut arrived) = channel();
-        let is_open = newcomers.is_some();
-        let shown = std::thread::scope(|scope| {
-            let _over = SetAtEnd(&over);
-            if let Some((newcomers, like)) = newcomers.zip(like.as_ref()) {
-                let backends = &self.config.backends;
+        let open = newcomers.zip(like).map(|(newcomers, like)| {
+            let (ready, arrived) = channel();
+            let (leaving, departed) = channel();
+            let attendance = Attendance {
+                ready: arrived,
+                departed: leaving,
+            };
+            let doorway = Doorway {
+                newcomers,
+                ready,
+                departed,
+                backends: &self.config.backends,
+                like,
+                control,
+            };
+            (attendance, doorway)
+        });
+        let (mut attendance, doorway): (Option<Attendance>, _) = open.unzip();
+        let mut ended = began;
+        let (shown, departed) = std::thread::scope(|scope| {
+            let set_at_end = SetAtEnd(&over);
+            let attending = doorway.map(|doorway: Doorway<'_>| {
                 let is_over = || over.load(Relaxed);
                 std::thread::Builder::new()
                     .name("newcomers".to_owned())
-                    .spawn_scoped(scope, move || {
-                        make_ready(&newcomers, &ready, backends, like, control, is_over);
-                    })
-                    .map_err(SessionError::Thread)?;
-            }
-            display.show(LiveSession {
+                    .spawn_scoped(scope, move || doorway.attend(is_over))
+                    .map_err(SessionError::Thread)
+            });
+            let attending = attending.transpose()?;
+            let shown = display.show(LiveSession {
                 lanes: &mut lanes,
-                avatars: &mut avatars,
-                placements: &mut placements,
-                call,
+                people: &mut people,
                 control,
                 own: (self.participants.iter())
                     .take_while(|person| matches!(person.origin, Origin::Own(_)))
                     .count(),
-                arrived: is_open.then_some(&mut arrived),
-            })
-        });
-        let ended = Instant::now();
-        arrived.try_iter().for_each(Ready::turn_away);
+                attendance: attendance.as_mut(),
+            });
+            ended = Instant::now();
+            drop(set_at_end);
+            // A thread that panicked has said so.
+            let departed = attending.map(|attending| attending.join().unwrap_or_default());
+            Ok::<_, SessionError>((shown, departed.unwrap_or_default()))
+        })?;
+        if let Some(attendance) = &attendance {
+            attendance.ready.try_iter().for_each(Ready::turn_away);
+        }
         // All that is on the device is freed now.
         let step = control.step();
         let renderer = lanes.renderer();
@@ -145,8 +172,9 @@ impl<'a> Session<'a> {
         let (skipped, quality) = (lanes.skipped(), lanes.quality_figures());
         let finished = lanes.finish();
         drop(step);
-        let people = (finished.into_iter().zip(placements))
-            .map(|(person, placement)| farewell(person, placement))
+        let there = finished.into_iter().zip(people);
+        let people = (departed.into_iter())
+            .chain(there.map(|(finished, attendee)| PersonReport::of(finished, attendee)))
             .collect();
         shown?;
         Ok(SessionReport {
@@ -173,9 +201,14 @@ impl<'a> Session<'a> {
             placement,
             ..
         } = &self.config;
-        let gaussians = (avatars.iter()).fold(SCENERY_GAUSSIANS, |sum, avatar| {
+        let gaussians = (avatars.iter()).fold(0u32, |sum, avatar| {
             sum.saturating_add(u32::try_from(avatar.gaussians.len()).unwrap_or(u32::MAX))
         });
+        // Where others come, a renderer with room for a few of them is not made anew while it is looked at.
+        let people = if others_come { EXPECTED_PEOPLE } else { 1 };
+        let gaussians = gaussians
+            .saturating_mul(people)
+            .saturating_add(SCENERY_GAUSSIANS);
         let options = RendererOptions {
             max_foreground: gaussians,
             ..needs.renderer.clone()
@@ -253,20 +286,5 @@ struct SetAtEnd<'a>(&'a AtomicBool);
 impl Drop for SetAtEnd<'_> {
     fn drop(&mut self) {
         self.0.store(true, Relaxed);
-    }
-}
-
-/// Says goodbye to a person whose lanes were stopped.
-fn farewell(
-    finished: FinishedPerson<PersonSource>,
-    mut placement: PlacementReport,
-) -> PersonReport {
-    placement.follow(finished.provider_changes);
-    let motion = |source: PersonSource| PausableSource::into_source(source).into_source();
-    PersonReport {
-        call: (finished.source).and_then(|source| motion(source).end()),
-        error: finished.error,
-        placement,
-        collector: finished.collector,
     }
 }

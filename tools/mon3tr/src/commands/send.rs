@@ -144,7 +144,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         }
         println!(
             "and this sender comes back with --room '{}'",
-            entered.sender
+            entered.host.venue().room()
         );
     }
     let report = perform(&desk, entered.host, performer, preview, &line)?;
@@ -205,8 +205,10 @@ pub(crate) fn perform(
         _ => None,
     };
     let mut perform = || -> anyhow::Result<(Instant, Option<u64>)> {
-        // A performance begins when a viewer is there.
-        while host.statistics().viewers == 0 && !stop.load(Relaxed) {
+        // A performance begins when a viewer is there, or one wants to see oneself.
+        let is_seen =
+            || host.statistics().viewers > 0 || own.as_ref().is_some_and(OwnMotion::is_seen);
+        while !is_seen() && !stop.load(Relaxed) {
             match &mut motion {
                 // Before that, people who see themselves move already, and those who are to calibrate do it.
                 Motion::Camera(capture) if shown.is_some() || capture.is_calibrating() => {

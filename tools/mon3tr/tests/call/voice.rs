@@ -37,6 +37,34 @@ pub(crate) fn syllables(person: u32) -> Vec<f32> {
         .collect()
 }
 
+/// The same syllables sung at one pitch, Hz, by which a voice is told from others that are heard at the same time.
+pub(crate) fn sung(person: u32, pitch: f32) -> Vec<f32> {
+    let spoken = loudness(&syllables(person));
+    let tone = (0..SPOKEN * RATE).map(|k| {
+        let turns = (k as f32 / RATE as f32 * pitch).fract();
+        (turns * std::f32::consts::TAU).sin()
+    });
+    let strength = |k: usize| *spoken.get(k / STEP).unwrap_or(&0.0);
+    tone.enumerate()
+        .map(|(k, tone)| 2.0 * strength(k) * tone)
+        .collect()
+}
+
+/// As [`loudness`], of one pitch.
+pub(crate) fn loudness_at(samples: &[f32], pitch: f32) -> Vec<f32> {
+    (samples.windows(WINDOW).step_by(STEP))
+        .map(|window| {
+            let (mut real, mut imaginary) = (0.0, 0.0);
+            for (k, sample) in window.iter().enumerate() {
+                let angle = (k as f32 / RATE as f32 * pitch).fract() * std::f32::consts::TAU;
+                real += sample * angle.cos();
+                imaginary += sample * angle.sin();
+            }
+            real.hypot(imaginary) / WINDOW as f32
+        })
+        .collect()
+}
+
 /// One channel of 32 bits.
 pub(crate) fn write_wav(path: impl AsRef<Path>, sample_rate: u32, samples: &[f32]) {
     let spec = hound::WavSpec {

@@ -9,6 +9,9 @@ use std::sync::{Mutex, PoisonError};
 /// Packages of one call: three for each of eight people, who may come back with another avatar.
 const PER_CALL: u32 = 24;
 
+/// Uploads of one call that are begun, whatever becomes of them: what is refused has been received, too.
+const TRIES_PER_CALL: u32 = 4 * PER_CALL;
+
 /// Calls that are counted at once.
 const CALLS: usize = 4096;
 
@@ -18,7 +21,10 @@ pub(crate) struct MemberUploads(Mutex<HashMap<Id, Count>>);
 
 #[derive(Debug)]
 struct Count {
+    /// Stored, or being received.
     put: u32,
+    /// Begun.
+    tried: u32,
     /// When the call's token is no longer valid, Unix seconds.
     expires: u64,
 }
@@ -38,13 +44,23 @@ impl MemberUploads {
         }
         let count = calls.entry(claims.room()).or_insert(Count {
             put: 0,
+            tried: 0,
             expires: claims.expires,
         });
-        if count.put >= PER_CALL {
+        if count.put >= PER_CALL || count.tried >= TRIES_PER_CALL {
             return Err(HttpError::CallUploads { most: PER_CALL });
         }
         count.put += 1;
+        count.tried += 1;
         Ok(())
+    }
+
+    /// An upload that was begun is not stored.
+    pub(super) fn failed(&self, claims: &Claims) {
+        let mut calls = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(count) = calls.get_mut(&claims.room()) {
+            count.put = count.put.saturating_sub(1);
+        }
     }
 }
 
@@ -67,6 +83,12 @@ mod tests {
             uploads.begin(&first, 0).expect("one of its own");
         }
         assert!(uploads.begin(&first, 0).is_err(), "one too many");
+        for _ in PER_CALL..TRIES_PER_CALL {
+            uploads.failed(&first);
+            uploads.begin(&first, 0).expect("in place of a failed one");
+        }
+        uploads.failed(&first);
+        assert!(uploads.begin(&first, 0).is_err(), "too many were tried");
         for number in 1..CALLS as u64 {
             uploads
                 .begin(&member(number, 50), 0)

@@ -23,7 +23,11 @@ pub(super) async fn store(
     request: Request,
 ) -> Result<StatusCode, HttpError> {
     let hash = match may_put(&app, &claims, &hash).await {
-        Ok(hash) => hash,
+        Ok(MayPut::Package(hash)) => hash,
+        Ok(MayPut::IsThere) => {
+            discard(request.into_body());
+            return Ok(StatusCode::OK);
+        }
         Err(refusal) => {
             discard(request.into_body());
             return Err(refusal);
@@ -59,27 +63,37 @@ pub(super) async fn store(
             log::info!("package {hash} is stored");
             Ok(StatusCode::CREATED)
         }
+        // Two members put the same one at the same moment.
         Ok(false) => Ok(StatusCode::OK),
         Err(e) => {
+            if claims.role == Role::Member {
+                app.member_uploads.failed(&claims);
+            }
             app.metrics.upload_refused(e.reason());
             Err(logged(e).into())
         }
     }
 }
 
-/// The package that the bearer may put: an owner any, a call's member so many that the owner does not have yet.
-async fn may_put(app: &App, claims: &Claims, hash: &str) -> Result<PackageId, HttpError> {
+/// What the bearer may do with a package.
+enum MayPut {
+    Package(PackageId),
+    /// Nothing: the owner has it.
+    IsThere,
+}
+
+/// An owner may put any package, a call's member so many that the owner does not have yet.
+async fn may_put(app: &App, claims: &Claims, hash: &str) -> Result<MayPut, HttpError> {
     let hash = hash.parse().map_err(|_| HttpError::NotFound)?;
     match claims.role {
-        Role::Owner => Ok(hash),
+        Role::Owner => Ok(MayPut::Package(hash)),
         Role::Member => {
-            if in_time(app.packages.size(claims.owner, hash))
-                .await?
-                .is_none()
-            {
-                app.member_uploads.begin(claims, now())?;
+            let size = app.packages.size(claims.owner, hash);
+            if in_time(size).await?.is_some() {
+                return Ok(MayPut::IsThere);
             }
-            Ok(hash)
+            app.member_uploads.begin(claims, now())?;
+            Ok(MayPut::Package(hash))
         }
         Role::Sender | Role::Viewer => Err(HttpError::NotFound),
     }

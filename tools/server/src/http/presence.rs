@@ -92,6 +92,10 @@ async fn check_seat(app: &App, room: Id, sender: &EnterRoom) -> Result<(), HttpE
         RoomReply::Announcement { occupant, .. } if is_of_another(occupant.as_ref(), sender) => {
             Err(HttpError::SeatTaken)
         }
+        // Whoever sits there may only be slow to say so.
+        RoomReply::Unanswered | RoomReply::Busy | RoomReply::Unreachable => {
+            Err(HttpError::SenderUnreachable)
+        }
         _ => Ok(()),
     }
 }

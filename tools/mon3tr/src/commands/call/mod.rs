@@ -73,6 +73,9 @@ struct Joining {
     first_sound_s: Option<f64>,
 }
 
+/// People who are reported on at the end, the newest: they may come and go without end.
+const MOST_ARRIVALS: usize = 64;
+
 /// Runs `call`.
 pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     let begun = Instant::now();
@@ -133,7 +136,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     };
     let roster = Roster {
         link,
-        own: entered.sender.clone(),
+        own: entered.host.venue(),
         voices: voices.clone(),
         members,
         offers: entered.host.offers(),
@@ -172,10 +175,12 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         let figures = scope.spawn(|| {
             let _over = SetAtEnd(&line.stop);
             roster.follow(|person: Person| {
+                let mut came = came.lock().unwrap_or_else(PoisonError::into_inner);
+                if came.len() == MOST_ARRIVALS {
+                    came.remove(0);
+                }
                 let participant = person.participant(sits, &context);
-                came.lock()
-                    .unwrap_or_else(PoisonError::into_inner)
-                    .push(person);
+                came.push(person.arrival);
                 admit.send(participant).is_ok()
             })
         });
@@ -195,14 +200,11 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     sent.print();
     let joining = Joining::new(begun, seated, &figures, shown.first_picture());
     let came = came.into_inner().unwrap_or_else(PoisonError::into_inner);
-    let (received, outcome) = if came.is_empty() {
-        println!("no one else came");
-        (None, Ok(()))
-    } else {
-        let (received, outcome) = receive::Report::new(came, shown)?;
-        received.print();
-        (Some(received), outcome)
-    };
+    let (received, outcome) = receive::Report::new(&came, shown);
+    match &received {
+        Some(received) => received.print(),
+        None => println!("no one else came"),
+    }
     joining.print();
     let report = Report {
         sent,

@@ -1,14 +1,16 @@
 //! Who is in the call: asks the server for its seats, tells who comes and goes, and hands each newcomer over with the avatar fetched.
 
-use crate::commands::receive::people::{Person, fetch};
+use crate::commands::receive::people::{Arrival, Person, fetch};
 use crate::controls::{Member, Members};
 use crate::network::Line;
 use crate::stills::load_avatar;
 use anyhow::Context;
 use app_session::call::CallWatch;
-use link_protocol::calls::{Seat, Taken};
+use link_call::Venue;
+use link_http::HttpError;
+use link_protocol::calls::{CallStatus, Seat, Taken};
 use link_protocol::data_channel::PersonState;
-use link_protocol::{CallLink, Name, RoomLink};
+use link_protocol::{CallLink, Name, PackageId};
 use link_voice::VoiceQueue;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -16,6 +18,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 use tokio::sync::Notify;
+use tokio::task::JoinHandle;
 
 /// Between two questions who is there; a viewer's offer asks at once.
 const PAUSE: Duration = Duration::from_millis(500);
@@ -29,11 +32,15 @@ const SILENCE: Duration = Duration::from_secs(5);
 /// After a goodbye the seat may seem taken for so long.
 const FAREWELL: Duration = Duration::from_secs(3);
 
+/// From the first failure of a person to be shown until they are tried again once more, and the longest pause there is: each doubles the one before.
+const AGAIN: Duration = Duration::from_secs(3);
+const AGAIN_MOST: Duration = Duration::from_secs(60);
+
 /// Follows who is in the call.
 pub(super) struct Roster<'a> {
     pub(super) link: CallLink,
     /// One's own seat.
-    pub(super) own: RoomLink,
+    pub(super) own: Venue,
     /// Of the seats, in their order.
     pub(super) voices: Vec<VoiceQueue>,
     pub(super) members: Members,
@@ -49,6 +56,8 @@ struct Known {
     name: String,
     taken: Taken,
     watch: CallWatch,
+    /// Whether they were handed over.
+    has_joined: bool,
     /// What was told last.
     state: PersonState,
     /// When bytes came last, and how many there were.
@@ -59,8 +68,34 @@ struct Known {
     over: Option<Instant>,
 }
 
-/// The seat of a newcomer, with the avatar fetched, or why it could not be.
-type Fetched = (Name, anyhow::Result<Person>);
+/// The people of the call by their seats, and those who could not be shown.
+#[derive(Default)]
+struct Seats {
+    known: HashMap<Name, Known>,
+    troubles: HashMap<Name, Trouble>,
+}
+
+/// A person whose seat stays taken while the call with them is over: the avatar does not load, or there is no room for it.
+struct Trouble {
+    avatar: PackageId,
+    times: u32,
+    /// When to try again.
+    again: Instant,
+}
+
+/// A newcomer whose avatar is to be fetched.
+struct Newcomer {
+    seat: Name,
+    taken: Taken,
+    watch: CallWatch,
+    voice: VoiceQueue,
+}
+
+/// The seat of a newcomer, with the avatar fetched, or why it could not be; nothing where the call ended before.
+type Fetched = (Name, anyhow::Result<Option<Person>>);
+
+/// A question who is there, until it is answered.
+type Asking = JoinHandle<Result<CallStatus, HttpError>>;
 
 /// When others came.
 #[derive(Debug, Clone, Copy, Default)]
@@ -76,37 +111,38 @@ impl Roster<'_> {
     pub(super) fn follow(self, mut admit: impl FnMut(Person) -> bool) -> RosterFigures {
         let mut figures = RosterFigures::default();
         let (fetched, newcomers) = channel();
-        let mut known = HashMap::new();
+        let mut seats = Seats::default();
+        let mut asking: Option<Asking> = None;
         let mut asked = None;
         let mut troubled = false;
         std::thread::scope(|scope| {
             while !self.line.stop.load(Relaxed) {
-                if asked.is_none_or(|asked: Instant| asked.elapsed() >= PAUSE) || self.is_offered()
-                {
+                let is_time = asked.is_none_or(|asked: Instant| asked.elapsed() >= PAUSE);
+                if asking.is_none() && (is_time || self.is_offered()) {
                     asked = Some(Instant::now());
-                    match self.seats() {
-                        Ok(seats) => {
-                            troubled = false;
-                            for (seat, voice) in self.arrivals(&seats, &mut known) {
-                                let (name, taken, watch) = seat;
-                                let (fetched, this) = (fetched.clone(), &self);
-                                scope.spawn(move || {
-                                    let person = this.fetch(&name, &taken, watch, voice);
-                                    // The roster is over by then, maybe.
-                                    let _ = fetched.send((name, person));
-                                });
-                            }
-                        }
-                        Err(why) if !std::mem::replace(&mut troubled, true) => {
-                            log::warn!("{why:#}: who is there goes on, newcomers have to wait");
-                        }
-                        Err(_) => {}
-                    }
+                    asking = Some(self.ask());
                 }
-                if !self.take(&newcomers, &known, &mut admit) {
+                match self.answer(&mut asking) {
+                    Some(Ok(status)) => {
+                        troubled = false;
+                        for newcomer in self.arrivals(&status.seats, &mut seats) {
+                            let (fetched, this) = (fetched.clone(), &self);
+                            scope.spawn(move || {
+                                let seat = newcomer.seat.clone();
+                                // The roster is over by then, maybe.
+                                let _ = fetched.send((seat, this.fetch(newcomer)));
+                            });
+                        }
+                    }
+                    Some(Err(why)) if !std::mem::replace(&mut troubled, true) => {
+                        log::warn!("{why:#}: who is there goes on, newcomers have to wait");
+                    }
+                    Some(Err(_)) | None => {}
+                }
+                if !self.take(&newcomers, &mut seats.known, &mut admit) {
                     break;
                 }
-                self.look(&mut known);
+                self.look(&mut seats);
                 self.note(&mut figures);
                 std::thread::sleep(LOOK);
             }
@@ -147,116 +183,142 @@ impl Roster<'_> {
         })
     }
 
-    fn seats(&self) -> anyhow::Result<Vec<Seat>> {
-        let Line {
-            network, client, ..
-        } = self.line;
-        let status = network.block_on(client.call_status(&self.link));
-        Ok(status
-            .context("the server does not tell who is in the call")?
-            .seats)
+    /// Asks who is there; a server that does not answer keeps nothing waiting.
+    fn ask(&self) -> Asking {
+        let (client, link) = (self.line.client.clone(), self.link.clone());
+        let handle = self.line.network.handle();
+        handle.spawn(async move { client.call_status(&link).await })
     }
 
-    /// Compares the seats with who is known; what has to be fetched.
-    fn arrivals(
-        &self,
-        seats: &[Seat],
-        known: &mut HashMap<Name, Known>,
-    ) -> Vec<((Name, Taken, CallWatch), VoiceQueue)> {
+    /// The answer, once there is one.
+    fn answer(&self, asking: &mut Option<Asking>) -> Option<anyhow::Result<CallStatus>> {
+        let answered = asking.take_if(|asking| asking.is_finished())?;
+        let answer = self.line.network.block_on(answered);
+        let answer = answer
+            .map_err(anyhow::Error::from)
+            .and_then(|status| Ok(status?));
+        Some(answer.context("the server does not tell who is in the call"))
+    }
+
+    /// Compares the seats with who is known; who has to be fetched.
+    fn arrivals(&self, told: &[Seat], seats: &mut Seats) -> Vec<Newcomer> {
+        let own = self.own.room();
         let mut arrivals = Vec::new();
-        for (number, (seat, voice)) in seats.iter().zip(&self.voices).enumerate() {
-            if &seat.room == self.own.room() {
+        for (number, (seat, voice)) in told.iter().zip(&self.voices).enumerate() {
+            if &seat.room == own.room() {
                 continue;
             }
+            let known = seats.known.get_mut(&seat.room);
             let Some(taken) = &seat.taken else {
-                if let Some(person) = known.get_mut(&seat.room) {
+                seats.troubles.remove(&seat.room);
+                if let Some(person) = known {
                     person.is_seated = false;
                 }
                 continue;
             };
-            if let Some(person) = known.get_mut(&seat.room) {
+            if let Some(person) = known {
                 person.is_seated = true;
-                if person.taken.announcement.avatar != taken.announcement.avatar {
+                let is_same = person.taken.announcement.avatar == taken.announcement.avatar
+                    && person.taken.person == taken.person;
+                if !is_same {
                     // Another person, or the same as another avatar.
                     person.watch.leave();
                 }
                 continue;
             }
-            let name = match &taken.person {
-                Some(name) => name.to_string(),
-                None => format!("person {}", number + 1),
-            };
+            let hash = taken.announcement.avatar.sha256;
+            let waits = (seats.troubles.get(&seat.room))
+                .is_some_and(|trouble| trouble.avatar == hash && Instant::now() < trouble.again);
+            if waits {
+                continue;
+            }
+            let name = seats.name(taken, number);
             let watch = CallWatch::default();
-            known.insert(
+            log::info!("{name} is in the call: fetching their avatar");
+            seats.known.insert(
                 seat.room.clone(),
                 Known {
-                    name: name.clone(),
+                    name,
                     taken: taken.clone(),
                     watch: watch.clone(),
+                    has_joined: false,
                     state: PersonState::default(),
                     heard: (Instant::now(), 0),
                     is_seated: true,
                     over: None,
                 },
             );
-            log::info!("{name} is in the call: fetching their avatar");
-            arrivals.push(((seat.room.clone(), taken.clone(), watch), voice.clone()));
+            arrivals.push(Newcomer {
+                seat: seat.room.clone(),
+                taken: taken.clone(),
+                watch,
+                voice: voice.clone(),
+            });
         }
         arrivals
     }
 
-    fn fetch(
-        &self,
-        room: &Name,
-        taken: &Taken,
-        watch: CallWatch,
-        voice: VoiceQueue,
-    ) -> anyhow::Result<Person> {
-        let room = self.link.seat(room);
-        let (path, download) = fetch(
-            &self.line.network,
-            &self.line.client,
-            &room,
-            &taken.announcement,
-        )?;
-        let (avatar, figures) = load_avatar(&path)?;
-        Ok(Person {
-            room,
-            announced: taken.announcement,
-            avatar,
-            figures,
-            download,
-            voice,
+    fn fetch(&self, newcomer: Newcomer) -> anyhow::Result<Option<Person>> {
+        let Newcomer {
+            seat,
+            taken,
             watch,
-        })
+            voice,
+        } = newcomer;
+        let (room, announced) = (self.link.seat(&seat), taken.announcement);
+        let Line {
+            network,
+            client,
+            stop,
+            ..
+        } = self.line;
+        let Some((path, download)) = fetch(network, client, &room, &announced, stop)? else {
+            return Ok(None);
+        };
+        let (avatar, figures) = load_avatar(&path)?;
+        Ok(Some(Person {
+            room,
+            announced,
+            avatar,
+            arrival: Arrival {
+                figures,
+                download,
+                watch,
+            },
+            voice,
+        }))
     }
 
     /// Hands over who was fetched; whether they are still taken.
     fn take(
         &self,
         newcomers: &Receiver<Fetched>,
-        known: &HashMap<Name, Known>,
+        known: &mut HashMap<Name, Known>,
         admit: &mut impl FnMut(Person) -> bool,
     ) -> bool {
         while let Ok((room, person)) = newcomers.try_recv() {
-            let Some(entry) = known.get(&room) else {
+            let Some(entry) = known.get_mut(&room) else {
                 continue;
             };
             match person {
-                Ok(person) => {
+                // Meanwhile they have left, and another person may sit there.
+                Ok(Some(person)) if !person.arrival.watch.is_same(&entry.watch) => {}
+                Ok(Some(_)) if entry.watch.is_over() => {}
+                Ok(Some(person)) => {
                     println!("{} has joined", entry.name);
+                    entry.has_joined = true;
                     self.members.lock().push(Member {
                         name: entry.name.clone(),
-                        watch: person.watch.clone(),
+                        watch: person.arrival.watch.clone(),
                         voice: person.voice.clone(),
                     });
                     if !admit(person) {
                         return false;
                     }
                 }
+                Ok(None) => {}
                 Err(why) => {
                     log::warn!("{} cannot be shown: {why:#}", entry.name);
-                    // Tried again once the seat was free.
                     entry.watch.leave();
                 }
             }
@@ -265,8 +327,9 @@ impl Roster<'_> {
     }
 
     /// Tells of changes, and forgets who is gone.
-    fn look(&self, known: &mut HashMap<Name, Known>) {
-        known.retain(|_, person| {
+    fn look(&self, seats: &mut Seats) {
+        let Seats { known, troubles } = seats;
+        known.retain(|seat, person| {
             let now = Instant::now();
             let bytes = person.watch.counts().payload_bytes;
             if bytes != person.heard.1 {
@@ -282,18 +345,62 @@ impl Roster<'_> {
             }
             if person.watch.is_over() && person.over.is_none() {
                 person.over = Some(now);
-                println!("{} has left", person.name);
+                if person.has_joined {
+                    println!("{} has left", person.name);
+                }
                 let watch = &person.watch;
                 self.members
                     .lock()
                     .retain(|member| !member.watch.is_same(watch));
             }
-            // After a goodbye the server may still show the seat as taken for a moment.
-            let is_forgotten = person
-                .over
-                .is_some_and(|since| !person.is_seated || since.elapsed() > FAREWELL);
-            !is_forgotten
+            let Some(since) = person.over else {
+                return true;
+            };
+            if person.is_seated && since.elapsed() <= FAREWELL {
+                // The server may still show the seat as taken for a moment.
+                return true;
+            }
+            if person.is_seated {
+                note_trouble(troubles, seat, person.taken.announcement.avatar.sha256);
+            }
+            false
         });
+    }
+}
+
+/// Has a person who sits there and could not be shown wait, the longer the more often it happened.
+fn note_trouble(troubles: &mut HashMap<Name, Trouble>, seat: &Name, avatar: PackageId) {
+    let times = (troubles.get(seat))
+        .filter(|trouble| trouble.avatar == avatar)
+        .map_or(0, |trouble| trouble.times.saturating_add(1));
+    // The first time they may just have come back at once.
+    let pause = match times {
+        0 => Duration::ZERO,
+        _ => (AGAIN * 2u32.saturating_pow(times - 1)).min(AGAIN_MOST),
+    };
+    let trouble = Trouble {
+        avatar,
+        times,
+        again: Instant::now() + pause,
+    };
+    troubles.insert(seat.clone(), trouble);
+}
+
+impl Seats {
+    /// What a newcomer in the seat of this number is called: as they say, unless another one is called so.
+    fn name(&self, taken: &Taken, number: usize) -> String {
+        let seat = format!("person {}", number + 1);
+        match &taken.person {
+            Some(name) => {
+                let name = name.to_string();
+                if self.known.values().any(|other| other.name == name) {
+                    format!("{name} ({seat})")
+                } else {
+                    name
+                }
+            }
+            None => seat,
+        }
     }
 }
 
@@ -332,5 +439,29 @@ mod tests {
             told("Ada", both, plain),
             ["Ada is no longer muted", "Ada is seen again"]
         );
+    }
+
+    #[test]
+    fn who_cannot_be_shown_is_tried_again_ever_more_rarely() {
+        let mut troubles = HashMap::new();
+        let seat = Name::of_id([1; 16]);
+        let avatar = |byte: char| -> PackageId {
+            let hash: String = std::iter::repeat_n(byte, 64).collect();
+            hash.parse().expect("a hash")
+        };
+        let mut pauses = Vec::new();
+        for _ in 0..7 {
+            note_trouble(&mut troubles, &seat, avatar('a'));
+            let again = troubles[&seat].again;
+            pauses.push(
+                again
+                    .saturating_duration_since(Instant::now())
+                    .as_secs_f64()
+                    .round(),
+            );
+        }
+        assert_eq!(pauses, [0.0, 3.0, 6.0, 12.0, 24.0, 48.0, 60.0]);
+        note_trouble(&mut troubles, &seat, avatar('b'));
+        assert_eq!(troubles[&seat].times, 0, "another avatar begins anew");
     }
 }

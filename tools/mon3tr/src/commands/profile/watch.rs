@@ -71,7 +71,7 @@ impl<'a> Watch<'a> {
 
     /// How long is measured, and how long the first frame is waited for.
     fn begin(&self, session: &LiveSession<'_>) -> (Instant, Duration) {
-        let placement = session.placements.first();
+        let placement = session.people.first().map(|first| &first.placement);
         let inference = (placement.and_then(|placement| placement.inference())).unwrap_or_default();
         let mut seconds = self.options.seconds;
         let least = inference.saturating_mul(FEWEST_INFERENCES);
@@ -101,7 +101,7 @@ impl<'a> Watch<'a> {
             self.device_bytes = self.gpu.memory_taken();
             return Ok(self.stop.load(Relaxed) || Instant::now() >= end);
         }
-        let placement = session.placements.first();
+        let placement = session.people.first().map(|first| &first.placement);
         let inference = (placement.and_then(|placement| placement.inference())).unwrap_or_default();
         // Pictures slow it down, and the frame that begins first may be of the performance before.
         let silence = LONGEST_SILENCE.saturating_add(inference.saturating_mul(4));

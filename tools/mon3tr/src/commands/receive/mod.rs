@@ -173,9 +173,9 @@ fn show(
             again = Some(announced);
             continue;
         }
-        let (report, outcome) = Report::new(people, shown)?;
+        let arrivals: Vec<_> = people.into_iter().map(|person| person.arrival).collect();
         sound.map_or(Ok(()), Sound::end)?;
-        return Ok((Some(report), outcome));
+        return Ok(Report::new(&arrivals, shown));
     }
 }
 

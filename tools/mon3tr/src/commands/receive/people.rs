@@ -17,7 +17,10 @@ use spmm3::Avatar;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::time::Instant;
+use std::time::{Duration, Instant};
+
+/// Between two looks whether it is time to leave.
+const LOOK: Duration = Duration::from_millis(50);
 
 /// A person who is in a room, with the avatar here.
 #[derive(Debug)]
@@ -25,10 +28,16 @@ pub(crate) struct Person {
     pub(crate) room: RoomLink,
     pub(crate) announced: Announcement,
     pub(crate) avatar: Arc<Avatar>,
-    pub(crate) figures: AvatarFigures,
-    pub(crate) download: Download,
+    pub(crate) arrival: Arrival,
     /// What they say, to be played.
     pub(crate) voice: VoiceQueue,
+}
+
+/// What a report tells of how a person came.
+#[derive(Debug, Clone)]
+pub(crate) struct Arrival {
+    pub(crate) figures: AvatarFigures,
+    pub(crate) download: Download,
     /// What is counted and told of the call with them.
     pub(crate) watch: CallWatch,
 }
@@ -52,7 +61,7 @@ impl Person {
                 announced: self.announced,
                 network: network.clone(),
                 voice: self.voice.clone(),
-                watch: self.watch.clone(),
+                watch: self.arrival.watch.clone(),
             },
         }
     }
@@ -81,16 +90,20 @@ pub(crate) fn gather(
                 None => return Ok(None),
             },
         };
-        let (path, download) = fetch(network, client, room, &announced)?;
+        let Some((path, download)) = fetch(network, client, room, &announced, stop)? else {
+            return Ok(None);
+        };
         let (avatar, figures) = load_avatar(&path)?;
         people.push(Person {
             room: room.clone(),
             announced,
             avatar,
-            figures,
-            download,
+            arrival: Arrival {
+                figures,
+                download,
+                watch: CallWatch::default(),
+            },
             voice: voice.clone(),
-            watch: CallWatch::default(),
         });
     }
     Ok(Some(people))
@@ -111,25 +124,40 @@ pub(crate) async fn wait_for_sender(
         .context("cannot join the room")
 }
 
-/// The avatar that was announced in `room`, from this machine's cache or else from the server.
+/// The avatar that was announced in `room`, from this machine's cache or else from the server; nothing if it is time to leave before.
 pub(crate) fn fetch(
     network: &Network,
     client: &Client,
     room: &RoomLink,
     announced: &Announcement,
-) -> anyhow::Result<(PathBuf, Download)> {
+    stop: &AtomicBool,
+) -> anyhow::Result<Option<(PathBuf, Download)>> {
     let begun = Instant::now();
     let packages = PackageCache::new(cache()?.join("packages"))?;
     let bar = progress::bytes("fetching the avatar");
     let mut bytes = 0;
-    let path = network.block_on(
-        client.fetch_package(room, &announced.avatar, &packages, |step| {
-            bytes = step.downloaded;
-            bar.show(step.done, step.total);
-        }),
-    );
+    let fetching = client.fetch_package(room, &announced.avatar, &packages, |step| {
+        bytes = step.downloaded;
+        bar.show(step.done, step.total);
+    });
+    let fetched = network.block_on(async {
+        tokio::select! {
+            path = fetching => Some(path),
+            () = set(stop) => None,
+        }
+    });
     bar.finish();
+    let Some(path) = fetched else {
+        return Ok(None);
+    };
     let seconds = begun.elapsed().as_secs_f64();
     let path = path.context("cannot fetch the avatar")?;
-    Ok((path, Download { bytes, seconds }))
+    Ok(Some((path, Download { bytes, seconds })))
+}
+
+/// Waits until `flag` is set.
+async fn set(flag: &AtomicBool) {
+    while !flag.load(Relaxed) {
+        tokio::time::sleep(LOOK).await;
+    }
 }

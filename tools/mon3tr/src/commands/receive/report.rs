@@ -1,6 +1,6 @@
 //! What a call came to, as a table for people and as JSON for programs.
 
-use super::people::{Download, Person};
+use super::people::{Arrival, Download};
 use super::screen::{Drawn, Shown};
 use crate::gaze::GazeFigures;
 use crate::report::Splatting;
@@ -8,7 +8,7 @@ use crate::size::Size;
 use anyhow::anyhow;
 use app_pipeline::error::ReceiverError;
 use app_pipeline::profile::Percentiles;
-use app_session::call::{CallEnd, CallFigures};
+use app_session::call::{CallEnd, CallFigures, CallWatch};
 use app_session::headset::HeadsetFigures;
 use app_session::participant::CallReport;
 use profile_report::{AvatarFigures, Measured, SessionTerms};
@@ -84,14 +84,13 @@ fn print_measured(measured: &Measured) {
 }
 
 impl Report {
-    /// Of these people, and whether it came to a good end: if all people's calls failed, the last one's trouble is an error.
-    pub(crate) fn new(
-        people: Vec<Person>,
-        shown: Shown,
-    ) -> anyhow::Result<(Self, anyhow::Result<()>)> {
+    /// Of these people, and whether it came to a good end: if all people's calls failed, the last one's trouble is an error. Nothing where none of them was
+    /// joined.
+    pub(crate) fn new(arrivals: &[Arrival], shown: Shown) -> (Option<Self>, anyhow::Result<()>) {
         let (drawn, calls) = match shown {
             Shown::Undrawn(calls) => {
-                let ended = |call| Ended {
+                let ended = |call: CallReport| Ended {
+                    watch: Some(call.watch.clone()),
                     call: Some(call),
                     error: None,
                     measured: None,
@@ -100,15 +99,21 @@ impl Report {
             }
             Shown::Drawn(drawn) => split(*drawn),
         };
-        let count = people.len();
+        let count = calls.len();
         let (mut told, mut failed) = (Vec::new(), Vec::new());
-        for (number, (person, ended)) in people.into_iter().zip(calls).enumerate() {
+        for (number, ended) in calls.into_iter().enumerate() {
             failed.extend(
                 ended
                     .error
                     .map(|error| (number, anyhow::Error::from(error))),
             );
-            let Some(CallReport { figures, end }) = ended.call else {
+            let of = |arrival: &&Arrival| {
+                let watch = ended.watch.as_ref();
+                watch.is_some_and(|watch| watch.is_same(&arrival.watch))
+            };
+            let (Some(CallReport { figures, end, .. }), Some(person)) =
+                (ended.call, arrivals.iter().find(of))
+            else {
                 continue;
             };
             match end {
@@ -116,18 +121,19 @@ impl Report {
                 Some(CallEnd::AnotherAvatar(_)) => failed.push((number, anyhow!(CAME_BACK))),
                 Some(CallEnd::HungUp) | None => {}
             }
-            told.push((person, figures, ended.measured));
+            told.push((person.clone(), figures, ended.measured));
         }
         failed.dedup_by_key(|(number, _)| *number);
-        let all_failed = failed.len() == count;
+        let all_failed = count > 0 && failed.len() == count;
         let last = failed.pop_if(|_| all_failed);
         let last = last.map(|(_, error): (_, anyhow::Error)| error.context("the call ended"));
         for (number, error) in failed {
             log::warn!("person {number}'s call ended: {error:#}");
         }
         let mut told = told.into_iter();
+        let outcome = last.map_or(Ok(()), Err);
         let Some((first, call, measured)) = told.next() else {
-            return Err(last.unwrap_or_else(|| anyhow!("there were no people to show")));
+            return (None, outcome);
         };
         let others = told.map(|(person, call, shown)| Other {
             avatar: person.figures,
@@ -156,7 +162,7 @@ impl Report {
                 shown,
             });
         }
-        Ok((report, last.map_or(Ok(()), Err)))
+        (Some(report), outcome)
     }
 
     pub(crate) fn print(&self) {
@@ -284,6 +290,7 @@ struct Pictures {
 
 /// A person's part of a session.
 struct Ended {
+    watch: Option<CallWatch>,
     call: Option<CallReport>,
     error: Option<ReceiverError>,
     /// Where a picture was drawn.
@@ -312,6 +319,7 @@ fn split(drawn: Drawn) -> (Option<Pictures>, Vec<Ended>) {
         splatting: Splatting::new(session.back_end, session.back_end_trial),
     };
     let ended = (session.people.into_iter().zip(measured)).map(|(person, measured)| Ended {
+        watch: person.watch,
         call: person.call,
         error: person.error,
         measured,

@@ -216,8 +216,8 @@ impl Screen {
             return Ok(Shown::Undrawn(undrawn::run(next, &until)));
         }
         let mut drawn = self.draw(options, vec![own], Some(guests), &until)?;
-        // The first one is oneself.
-        drop(drawn.session.people.drain(..1));
+        // Only oneself is in no call.
+        drawn.session.people.retain(|person| person.watch.is_some());
         Ok(Shown::Drawn(Box::new(drawn)))
     }
 

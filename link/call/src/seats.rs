@@ -1,0 +1,103 @@
+//! A sender's seat in a call of several: the first free one, and another where someone else has taken it meanwhile.
+
+use crate::CallError;
+use link_http::presence::Presence;
+use link_http::{Client, HttpError};
+use link_protocol::calls::EnterRoom;
+use link_protocol::limits::MAX_PEOPLE;
+use link_protocol::{CallLink, RoomLink};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Seats that are tried: others may take one at the same moment.
+const ATTEMPTS: usize = 2 * MAX_PEOPLE;
+
+/// Where a sender is met: in a room that was opened for it, or in a seat of a call, which may become another one. Clones share it.
+#[derive(Debug, Clone)]
+pub struct Venue {
+    call: Option<CallLink>,
+    room: Arc<Mutex<RoomLink>>,
+}
+
+impl Venue {
+    /// Enters `room`.
+    pub(crate) async fn of_room(
+        client: &Client,
+        room: RoomLink,
+        entering: &EnterRoom,
+    ) -> Result<(Self, Presence), CallError> {
+        let presence = client.open_presence(&room, entering).await?;
+        let venue = Self {
+            call: None,
+            room: Arc::new(Mutex::new(room)),
+        };
+        Ok((venue, presence))
+    }
+
+    /// Takes the first free seat of `call`.
+    pub(crate) async fn of_call(
+        client: &Client,
+        call: CallLink,
+        entering: &EnterRoom,
+    ) -> Result<(Self, Presence), CallError> {
+        let (seat, presence) = take_seat(client, &call, entering).await?;
+        let venue = Self {
+            call: Some(call),
+            room: Arc::new(Mutex::new(seat)),
+        };
+        Ok((venue, presence))
+    }
+
+    /// The room's link, or that of the seat that was taken last.
+    #[must_use]
+    pub fn room(&self) -> RoomLink {
+        self.locked().clone()
+    }
+
+    pub(crate) fn is_of_call(&self) -> bool {
+        self.call.is_some()
+    }
+
+    /// Comes back after an outage: into the same room or seat, or into another seat where someone else sits there now.
+    pub(crate) async fn come_back(
+        &self,
+        client: &Client,
+        entering: &EnterRoom,
+    ) -> Result<Presence, CallError> {
+        let entered = client.open_presence(&self.room(), entering).await;
+        match (entered, &self.call) {
+            (Err(HttpError::SeatTaken), Some(call)) => {
+                let (seat, presence) = take_seat(client, call, entering).await?;
+                log::warn!("someone else sits in this side's seat now: another one is taken");
+                *self.locked() = seat;
+                Ok(presence)
+            }
+            (entered, _) => Ok(entered?),
+        }
+    }
+
+    fn locked(&self) -> MutexGuard<'_, RoomLink> {
+        // A link is whole after a panic elsewhere.
+        self.room.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+async fn take_seat(
+    client: &Client,
+    call: &CallLink,
+    entering: &EnterRoom,
+) -> Result<(RoomLink, Presence), CallError> {
+    for _ in 0..ATTEMPTS {
+        let status = client.call_status(call).await?;
+        let free = status.seats.iter().find(|seat| seat.taken.is_none());
+        let Some(free) = free else {
+            return Err(CallError::Full);
+        };
+        let seat = call.seat(&free.room);
+        match client.open_presence(&seat, entering).await {
+            // Another one was faster.
+            Err(HttpError::SeatTaken) => {}
+            entered => return Ok((seat, entered?)),
+        }
+    }
+    Err(CallError::Full)
+}
