@@ -1,42 +1,17 @@
 //! A call while it is held: who else is in it, and what keys of the window, or lines on the terminal, do.
 
-use app_session::call::CallWatch;
 use app_session::own_motion::OwnMotion;
 use app_session::participant::Participant;
+use call_member::{Member, Members};
 use link_call::Privacy;
 use link_playout::Clock;
-use link_voice::VoiceQueue;
 use std::io::BufRead;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::Receiver;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What keys do, as it is told at the start.
 pub(crate) const KEYS: &str = "keys: m mute, h hide, s see yourself, w who is there, q hang up (in the window, or here with Enter)";
-
-/// Another person in the call.
-#[derive(Debug, Clone)]
-pub(crate) struct Member {
-    /// What they are called.
-    pub(crate) name: String,
-    /// What the call with them counts and tells.
-    pub(crate) watch: CallWatch,
-    pub(crate) voice: VoiceQueue,
-}
-
-/// The other people who are in the call, by their seats. Clones share it.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Members(Arc<Mutex<Vec<Member>>>);
-
-impl Members {
-    pub(crate) fn all(&self) -> Vec<Member> {
-        self.lock().clone()
-    }
-
-    pub(crate) fn lock(&self) -> MutexGuard<'_, Vec<Member>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
 
 /// The other people of a call, as they come, for what shows them.
 pub(crate) struct Guests {

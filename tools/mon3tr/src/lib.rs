@@ -35,5 +35,4 @@ mod until;
 pub mod up;
 pub mod viewpoint;
 mod voice_options;
-mod wearer;
 mod window;

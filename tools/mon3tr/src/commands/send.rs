@@ -12,10 +12,10 @@ use crate::report::{check_writable, write_json};
 use crate::stills::load_avatar;
 use crate::until::SetAtEnd;
 use crate::voice_options::VoiceOptions;
-use crate::wearer::WearerCapture;
 use anyhow::{Context, anyhow, bail};
 use app_session::headset::WearerSlot;
 use app_session::own_motion::OwnMotion;
+use call_member::{WEARER_RATE, WearerCapture};
 use link_call::Sender;
 use link_codec::Codec;
 use link_protocol::RoomLink;
@@ -39,9 +39,6 @@ const RATES: std::ops::RangeInclusive<f64> = 1.0..=120.0;
 
 /// Motions a second of a camera that does not say its rate.
 const CAMERA_RATE: f64 = 30.0;
-
-/// Motions a second of a headset's wearer, at most: more would cost bits that nobody sees, for viewers interpolate.
-pub(crate) const WEARER_RATE: f64 = 36.0;
 
 /// Between two looks whether the first viewer has come.
 const LOOK: Duration = Duration::from_millis(5);

@@ -1,24 +1,23 @@
 //! `mon3tr call`: up to eight people see and hear one another, by one link.
 
-mod roster;
-
-use crate::commands::receive::people::Person;
+use crate::commands::receive::people::{Arrival, Person, fetch};
 use crate::commands::{receive, send};
-use crate::controls::{Controls, Guests, KEYS, Members};
+use crate::controls::{Controls, Guests, KEYS};
 use crate::device_options::DeviceOptions;
 use crate::network::{self, Line};
 use crate::remembered::Remembered;
 use crate::report::{check_writable, write_json};
+use crate::stills::load_avatar;
 use crate::until::SetAtEnd;
 use crate::viewpoint::Viewpoint;
 use anyhow::{Context, anyhow};
 use app_session::own_motion::OwnMotion;
 use app_session::participant::{NetworkContext, Origin, Participant};
+use call_member::{Members, Roster, RosterFigures};
 use link_protocol::limits::MAX_PEOPLE;
-use link_protocol::{CallLink, PersonName};
+use link_protocol::{Announcement, CallLink, PersonName, RoomLink};
 use link_voice::VoiceQueue;
 use motion_fit::wearer::Stance;
-use roster::{Roster, RosterFigures};
 use sender::Place;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -134,6 +133,11 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         own: own.clone(),
         stop: Arc::clone(&line.stop),
     };
+    let context = NetworkContext {
+        network: line.network.handle(),
+        client: line.client.clone(),
+        clock: line.clock,
+    };
     let roster = Roster {
         link,
         own: entered.host.venue(),
@@ -141,7 +145,9 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         members,
         offers: entered.host.offers(),
         longest: options.seconds,
-        line: &line,
+        network: &context,
+        stop: &line.stop,
+        tell: &|line| println!("{line}"),
     };
     let steered = controls.clone();
     std::thread::Builder::new()
@@ -149,11 +155,6 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         // It ends with the process: nothing ends a read of the terminal.
         .spawn(move || steered.listen(std::io::stdin().lock()))
         .context("cannot start a thread for the keys")?;
-    let context = NetworkContext {
-        network: line.network.handle(),
-        client: line.client.clone(),
-        clock: line.clock,
-    };
     let sound = show.sound.begin(&voices, line.clock)?;
     let came = Mutex::new(Vec::new());
     let (admit, newcomers) = channel();
@@ -174,7 +175,25 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         });
         let figures = scope.spawn(|| {
             let _over = SetAtEnd(&line.stop);
-            roster.follow(|person: Person| {
+            let fetched = |room: &RoomLink, announced: &Announcement| {
+                let fetched = fetch(&line.network, &line.client, room, announced, &line.stop)?;
+                fetched
+                    .map(|(path, download)| Ok((load_avatar(&path)?, download)))
+                    .transpose()
+            };
+            roster.follow(fetched, |guest| {
+                let ((avatar, figures), download) = guest.avatar;
+                let person = Person {
+                    room: guest.room,
+                    announced: guest.announced,
+                    avatar,
+                    arrival: Arrival {
+                        figures,
+                        download,
+                        watch: guest.watch,
+                    },
+                    voice: guest.voice,
+                };
                 let mut came = came.lock().unwrap_or_else(PoisonError::into_inner);
                 if came.len() == MOST_ARRIVALS {
                     came.remove(0);

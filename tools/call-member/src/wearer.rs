@@ -7,6 +7,9 @@ use sender::{Capture, Captured, SendError};
 use spmm3::Skeleton;
 use std::time::{Duration, Instant};
 
+/// Motions a second of a headset's wearer, at most: more would cost bits that nobody sees, for viewers interpolate.
+pub const WEARER_RATE: f64 = 36.0;
+
 /// From one motion to the next, at least, with room for frames that come a little early.
 const SHORTEST: Duration = Duration::from_millis(24);
 
@@ -14,7 +17,8 @@ const SHORTEST: Duration = Duration::from_millis(24);
 const LOOK: Duration = Duration::from_millis(200);
 
 /// Follows the wearer until the headset's session is over.
-pub(crate) struct WearerCapture {
+#[derive(Debug)]
+pub struct WearerCapture {
     slot: WearerSlot,
     fit: WearerFit,
     /// When the next motion is sent.
@@ -23,7 +27,8 @@ pub(crate) struct WearerCapture {
 
 impl WearerCapture {
     /// Has the wearer whom `slot` is of drive the avatar of `skeleton`.
-    pub(crate) fn new(slot: WearerSlot, skeleton: &Skeleton, stance: Stance) -> Self {
+    #[must_use]
+    pub fn new(slot: WearerSlot, skeleton: &Skeleton, stance: Stance) -> Self {
         Self {
             slot,
             fit: WearerFit::new(skeleton, stance),

@@ -1,20 +1,18 @@
 //! Who is in the call: asks the server for its seats, tells who comes and goes, and hands each newcomer over with the avatar fetched.
 
-use crate::commands::receive::people::{Arrival, Person, fetch};
-use crate::controls::{Member, Members};
-use crate::network::Line;
-use crate::stills::load_avatar;
+use crate::members::{Member, Members};
 use anyhow::Context;
 use app_session::call::CallWatch;
+use app_session::participant::NetworkContext;
 use link_call::Venue;
 use link_http::HttpError;
 use link_protocol::calls::{CallStatus, Seat, Taken};
 use link_protocol::data_channel::PersonState;
-use link_protocol::{CallLink, Name, PackageId};
+use link_protocol::{Announcement, CallLink, Name, PackageId, RoomLink};
 use link_voice::VoiceQueue;
 use std::collections::HashMap;
 use std::sync::Arc;
-use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 use tokio::sync::Notify;
@@ -37,18 +35,48 @@ const AGAIN: Duration = Duration::from_secs(3);
 const AGAIN_MOST: Duration = Duration::from_secs(60);
 
 /// Follows who is in the call.
-pub(super) struct Roster<'a> {
-    pub(super) link: CallLink,
+pub struct Roster<'a> {
+    /// The call's link.
+    pub link: CallLink,
     /// One's own seat.
-    pub(super) own: Venue,
+    pub own: Venue,
     /// Of the seats, in their order.
-    pub(super) voices: Vec<VoiceQueue>,
-    pub(super) members: Members,
+    pub voices: Vec<VoiceQueue>,
+    /// Is kept as people come and go.
+    pub members: Members,
     /// Is notified when someone wants to see this side.
-    pub(super) offers: Arc<Notify>,
+    pub offers: Arc<Notify>,
     /// The call ends so long after the first of the others was there.
-    pub(super) longest: Option<Duration>,
-    pub(super) line: &'a Line,
+    pub longest: Option<Duration>,
+    /// How the server is asked.
+    pub network: &'a NetworkContext,
+    /// It is time to leave.
+    pub stop: &'a AtomicBool,
+    /// Is told, in a line, of who comes, goes, and changes.
+    pub tell: &'a (dyn Fn(&str) + Sync),
+}
+
+impl std::fmt::Debug for Roster<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Roster")
+            .field("own", &self.own)
+            .finish_non_exhaustive()
+    }
+}
+
+/// A newcomer whose avatar is here: a person of the call, as a session takes them.
+#[derive(Debug)]
+pub struct Guest<A> {
+    /// Their seat.
+    pub room: RoomLink,
+    /// What they announced.
+    pub announced: Announcement,
+    /// What was fetched of them.
+    pub avatar: A,
+    /// What they say, to be played.
+    pub voice: VoiceQueue,
+    /// What is counted and told of the call with them.
+    pub watch: CallWatch,
 }
 
 /// What is known of a taken seat.
@@ -91,24 +119,46 @@ struct Newcomer {
     voice: VoiceQueue,
 }
 
+impl Newcomer {
+    fn fetch<A>(
+        self,
+        link: &CallLink,
+        fetch: impl Fn(&RoomLink, &Announcement) -> anyhow::Result<Option<A>>,
+    ) -> anyhow::Result<Option<Guest<A>>> {
+        let (room, announced) = (link.seat(&self.seat), self.taken.announcement);
+        Ok(fetch(&room, &announced)?.map(|avatar| Guest {
+            room,
+            announced,
+            avatar,
+            voice: self.voice,
+            watch: self.watch,
+        }))
+    }
+}
+
 /// The seat of a newcomer, with the avatar fetched, or why it could not be; nothing where the call ended before.
-type Fetched = (Name, anyhow::Result<Option<Person>>);
+type Fetched<A> = (Name, anyhow::Result<Option<Guest<A>>>);
 
 /// A question who is there, until it is answered.
 type Asking = JoinHandle<Result<CallStatus, HttpError>>;
 
 /// When others came.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct RosterFigures {
+pub struct RosterFigures {
     /// The first of them had their avatar here.
-    pub(super) first_member: Option<Instant>,
+    pub first_member: Option<Instant>,
     /// The first of them was heard.
-    pub(super) first_sound: Option<Instant>,
+    pub first_sound: Option<Instant>,
 }
 
 impl Roster<'_> {
-    /// Hands newcomers to `admit` until the call is over; ends early where it does not take them any more.
-    pub(super) fn follow(self, mut admit: impl FnMut(Person) -> bool) -> RosterFigures {
+    /// Hands newcomers to `admit` until the call is over; ends early where it does not take them any more. `fetch` has the avatar that was
+    /// announced in a seat; nothing where the call ended before. It is called from a thread of its own for each newcomer.
+    pub fn follow<A: Send>(
+        self,
+        fetch: impl Fn(&RoomLink, &Announcement) -> anyhow::Result<Option<A>> + Sync,
+        mut admit: impl FnMut(Guest<A>) -> bool,
+    ) -> RosterFigures {
         let mut figures = RosterFigures::default();
         let (fetched, newcomers) = channel();
         let mut seats = Seats::default();
@@ -116,7 +166,7 @@ impl Roster<'_> {
         let mut asked = None;
         let mut troubled = false;
         std::thread::scope(|scope| {
-            while !self.line.stop.load(Relaxed) {
+            while !self.stop.load(Relaxed) {
                 let is_time = asked.is_none_or(|asked: Instant| asked.elapsed() >= PAUSE);
                 if asking.is_none() && (is_time || self.is_offered()) {
                     asked = Some(Instant::now());
@@ -126,11 +176,11 @@ impl Roster<'_> {
                     Some(Ok(status)) => {
                         troubled = false;
                         for newcomer in self.arrivals(&status.seats, &mut seats) {
-                            let (fetched, this) = (fetched.clone(), &self);
+                            let (fetched, fetch, link) = (fetched.clone(), &fetch, &self.link);
                             scope.spawn(move || {
                                 let seat = newcomer.seat.clone();
                                 // The roster is over by then, maybe.
-                                let _ = fetched.send((seat, this.fetch(newcomer)));
+                                let _ = fetched.send((seat, newcomer.fetch(link, fetch)));
                             });
                         }
                     }
@@ -156,7 +206,7 @@ impl Roster<'_> {
         if figures.first_member.is_none() && !members.is_empty() {
             figures.first_member = Some(Instant::now());
         }
-        let now = self.line.clock.now();
+        let now = self.network.clock.now();
         let is_heard = |member: &Member| member.voice.heard_offset_us(now).is_some();
         if figures.first_sound.is_none() && members.iter().any(is_heard) {
             figures.first_sound = Some(Instant::now());
@@ -167,14 +217,14 @@ impl Roster<'_> {
             .zip(since)
             .is_some_and(|(longest, since)| since >= longest)
         {
-            self.line.stop.store(true, Relaxed);
+            self.stop.store(true, Relaxed);
         }
     }
 
     /// Whether someone has offered a connection since it was asked last.
     fn is_offered(&self) -> bool {
         let offered = self.offers.notified();
-        self.line.network.block_on(async {
+        self.network.network.block_on(async {
             tokio::select! {
                 biased;
                 () = offered => true,
@@ -185,15 +235,15 @@ impl Roster<'_> {
 
     /// Asks who is there; a server that does not answer keeps nothing waiting.
     fn ask(&self) -> Asking {
-        let (client, link) = (self.line.client.clone(), self.link.clone());
-        let handle = self.line.network.handle();
+        let (client, link) = (self.network.client.clone(), self.link.clone());
+        let handle = &self.network.network;
         handle.spawn(async move { client.call_status(&link).await })
     }
 
     /// The answer, once there is one.
     fn answer(&self, asking: &mut Option<Asking>) -> Option<anyhow::Result<CallStatus>> {
         let answered = asking.take_if(|asking| asking.is_finished())?;
-        let answer = self.line.network.block_on(answered);
+        let answer = self.network.network.block_on(answered);
         let answer = answer
             .map_err(anyhow::Error::from)
             .and_then(|status| Ok(status?));
@@ -258,43 +308,12 @@ impl Roster<'_> {
         arrivals
     }
 
-    fn fetch(&self, newcomer: Newcomer) -> anyhow::Result<Option<Person>> {
-        let Newcomer {
-            seat,
-            taken,
-            watch,
-            voice,
-        } = newcomer;
-        let (room, announced) = (self.link.seat(&seat), taken.announcement);
-        let Line {
-            network,
-            client,
-            stop,
-            ..
-        } = self.line;
-        let Some((path, download)) = fetch(network, client, &room, &announced, stop)? else {
-            return Ok(None);
-        };
-        let (avatar, figures) = load_avatar(&path)?;
-        Ok(Some(Person {
-            room,
-            announced,
-            avatar,
-            arrival: Arrival {
-                figures,
-                download,
-                watch,
-            },
-            voice,
-        }))
-    }
-
     /// Hands over who was fetched; whether they are still taken.
-    fn take(
+    fn take<A>(
         &self,
-        newcomers: &Receiver<Fetched>,
+        newcomers: &Receiver<Fetched<A>>,
         known: &mut HashMap<Name, Known>,
-        admit: &mut impl FnMut(Person) -> bool,
+        admit: &mut impl FnMut(Guest<A>) -> bool,
     ) -> bool {
         while let Ok((room, person)) = newcomers.try_recv() {
             let Some(entry) = known.get_mut(&room) else {
@@ -302,14 +321,14 @@ impl Roster<'_> {
             };
             match person {
                 // Meanwhile they have left, and another person may sit there.
-                Ok(Some(person)) if !person.arrival.watch.is_same(&entry.watch) => {}
+                Ok(Some(person)) if !person.watch.is_same(&entry.watch) => {}
                 Ok(Some(_)) if entry.watch.is_over() => {}
                 Ok(Some(person)) => {
-                    println!("{} has joined", entry.name);
+                    (self.tell)(&format!("{} has joined", entry.name));
                     entry.has_joined = true;
                     self.members.lock().push(Member {
                         name: entry.name.clone(),
-                        watch: person.arrival.watch.clone(),
+                        watch: person.watch.clone(),
                         voice: person.voice.clone(),
                     });
                     if !admit(person) {
@@ -338,7 +357,7 @@ impl Roster<'_> {
             let state = person.watch.state();
             let before = std::mem::replace(&mut person.state, state);
             for line in told(&person.name, before, state) {
-                println!("{line}");
+                (self.tell)(&line);
             }
             if !person.is_seated && person.heard.0.elapsed() > SILENCE {
                 person.watch.leave();
@@ -346,7 +365,7 @@ impl Roster<'_> {
             if person.watch.is_over() && person.over.is_none() {
                 person.over = Some(now);
                 if person.has_joined {
-                    println!("{} has left", person.name);
+                    (self.tell)(&format!("{} has left", person.name));
                 }
                 let watch = &person.watch;
                 self.members
