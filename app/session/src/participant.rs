@@ -187,6 +187,14 @@ impl PersonMotion {
         }
     }
 
+    /// What they say, if there is a call.
+    pub(crate) fn voice(&self) -> Option<VoiceQueue> {
+        match self {
+            Self::Call { call, .. } => Some(call.voice()),
+            Self::Clip(_) | Self::Queue(_) | Self::Own(_) => None,
+        }
+    }
+
     /// Says goodbye; what the call came to, if there was one.
     pub(crate) fn end(self) -> Option<CallReport> {
         match self {

@@ -4,7 +4,7 @@
 use crate::{Voice, VoiceError, VoicePlayout, VoiceStatistics};
 use link_codec::Micros;
 use std::sync::atomic::{
-    AtomicBool, AtomicI64, AtomicU64,
+    AtomicBool, AtomicI64, AtomicU32, AtomicU64,
     Ordering::{Acquire, Relaxed, Release},
 };
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -51,6 +51,8 @@ struct Told {
     overflowed: AtomicU64,
     /// The player has something left that was said.
     has_more: AtomicBool,
+    /// [`VoiceQueue::place`]'s, as bits; not finite where there is none. Each is read by itself: three of two neighbouring moments are a place, too.
+    place: [AtomicU32; 3],
 }
 
 impl Default for Told {
@@ -63,6 +65,7 @@ impl Default for Told {
             heard_offset_us: AtomicI64::new(NOTHING),
             overflowed: AtomicU64::new(0),
             has_more: AtomicBool::new(false),
+            place: std::array::from_fn(|_| AtomicU32::new(f32::NAN.to_bits())),
         }
     }
 }
@@ -156,6 +159,13 @@ impl VoiceQueue {
         self.0.told.still(&self.0.told.heard_offset_us, now)
     }
 
+    /// Says where the mouth is, in the listener's head: metres, x right, y up, -z ahead; nothing where it is nowhere.
+    pub fn place(&self, mouth: Option<[f32; 3]>) {
+        for (place, number) in self.0.told.place.iter().zip(mouth.unwrap_or([f32::NAN; 3])) {
+            place.store(number.to_bits(), Relaxed);
+        }
+    }
+
     /// Whether all that arrived has been heard, or is played by no one.
     #[must_use]
     pub fn is_played(&self) -> bool {
@@ -230,6 +240,17 @@ impl VoicePlayer {
         self.told.heard_offset_us.store(heard, Relaxed);
         self.told.played_us.store(now.0, Relaxed);
         self.counts.write(self.playout.statistics());
+    }
+
+    /// Where the mouth is, as [`VoiceQueue::place`] was told last.
+    #[must_use]
+    pub fn place(&self) -> Option<[f32; 3]> {
+        let bits = self
+            .told
+            .place
+            .each_ref()
+            .map(|number| number.load(Relaxed));
+        Some(bits.map(f32::from_bits)).filter(|place| place.iter().all(|number| number.is_finite()))
     }
 
     /// Forgets what is left of the connections before this one, whether or not it brings a voice.

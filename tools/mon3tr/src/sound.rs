@@ -2,9 +2,11 @@
 
 use crate::report::file_of_format;
 use anyhow::Context;
+use glam::Vec3;
 use link_playout::Clock;
 use link_voice::{Pace, RATE, VoiceError, VoicePlayer, VoiceQueue};
 use sound_devices::{Loudspeaker, SoundServer};
+use spatial_sound::Binaural;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -19,7 +21,7 @@ const ASKED_US: u64 = 10_000;
 /// Options of commands that play voices.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct SoundOptions {
-    /// Write what is heard of all people together, as the loudspeaker would play it, and play nothing
+    /// Write what is heard of all people together, left and right, as the loudspeaker would play it, and play nothing
     #[arg(long, value_name = "FILE.wav", value_parser = file_of_format("wav"))]
     sound: Option<PathBuf>,
     /// The loudspeaker, by the name that the sound server gives it [default: the server's own choice]
@@ -69,13 +71,17 @@ fn begin_loudspeaker(
 ) -> anyhow::Result<Loudspeaker> {
     let server = SoundServer::find()?;
     let mut mixer = Mixer::listen(voices)?;
-    let fill = move |at: Instant, device: Duration, out: &mut [f32]| {
+    let fill = move |at: Instant, device: Duration, out: &mut [[f32; 2]]| {
         let (pieces, _) = out.as_chunks_mut();
         for (piece, number) in pieces.iter_mut().zip(0..) {
             let at = at + number * Duration::from_micros(ASKED_US);
             mixer.play(clock, at, device, piece);
             if let Some(far_end) = &far_end {
-                far_end.play(at + device, piece);
+                // A microphone hears both.
+                far_end.play(
+                    at + device,
+                    &piece.map(|[left, right]| (left + right) / 2.0),
+                );
             }
         }
     };
@@ -106,37 +112,36 @@ impl Sound {
     }
 }
 
-/// All voices as one.
+/// All voices together, each from where its mouth is.
 #[derive(Debug)]
 struct Mixer {
-    voices: Vec<VoicePlayer>,
+    voices: Vec<(VoicePlayer, Binaural)>,
     one: [f32; ASKED],
 }
 
 impl Mixer {
     fn listen(voices: &[VoiceQueue]) -> Result<Self, VoiceError> {
-        let voices = voices.iter().map(VoiceQueue::listen);
+        let voices = (voices.iter())
+            .map(|voice| Ok::<_, VoiceError>((voice.listen()?, Binaural::default())));
         Ok(Self {
             voices: voices.collect::<Result<_, _>>()?,
             one: [0.0; ASKED],
         })
     }
 
-    fn play(&mut self, clock: Clock, at: Instant, device: Duration, out: &mut [f32; ASKED]) {
-        out.fill(0.0);
-        for voice in &mut self.voices {
+    fn play(&mut self, clock: Clock, at: Instant, device: Duration, out: &mut [[f32; 2]; ASKED]) {
+        out.fill([0.0; 2]);
+        for (voice, ears) in &mut self.voices {
             voice.play(clock.at(at), device, &mut self.one);
-            for (mixed, sample) in out.iter_mut().zip(&self.one) {
-                *mixed += sample;
-            }
+            ears.add(&self.one, voice.place().map(Vec3::from), out);
         }
-        for sample in out {
+        for sample in out.as_flattened_mut() {
             *sample = sample.clamp(-1.0, 1.0);
         }
     }
 }
 
-/// A WAV file that is written while it is there: 48 kHz, one channel, 16 bits.
+/// A WAV file that is written while it is there: 48 kHz, left and right, 16 bits.
 #[derive(Debug)]
 pub(crate) struct SoundFile {
     path: PathBuf,
@@ -148,7 +153,7 @@ impl SoundFile {
     fn begin(path: &Path, voices: &[VoiceQueue], clock: Clock) -> anyhow::Result<Self> {
         let cannot = || format!("cannot write {}", path.display());
         let spec = hound::WavSpec {
-            channels: 1,
+            channels: 2,
             sample_rate: RATE,
             bits_per_sample: 16,
             sample_format: hound::SampleFormat::Int,
@@ -184,13 +189,13 @@ fn write<W: std::io::Write + std::io::Seek>(
     stop: &AtomicBool,
 ) -> Result<(), hound::Error> {
     let mut pace = Pace::begin(Instant::now(), Duration::from_micros(ASKED_US));
-    let mut mixed = [0.0f32; ASKED];
+    let mut mixed = [[0.0f32; 2]; ASKED];
     while !stop.load(Relaxed) {
         let heard = pace.next(Instant::now());
         std::thread::sleep(heard.saturating_duration_since(Instant::now()));
         mixer.play(clock, heard, Duration::ZERO, &mut mixed);
-        for sample in mixed {
-            wav.write_sample(as_16_bits(sample))?;
+        for sample in mixed.as_flattened() {
+            wav.write_sample(as_16_bits(*sample))?;
         }
     }
     wav.finalize()

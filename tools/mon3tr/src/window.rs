@@ -301,7 +301,8 @@ impl View<'_, '_> {
             STUDIO
         };
         let camera = viewpoint.camera(people.floor, people.heading, width, height);
-        if let Drawn::Renewed(gpu) = session.lanes.draw(&eyes(camera, *views))? {
+        let cameras = eyes(camera, *views);
+        if let Drawn::Renewed(gpu) = session.lanes.draw(&cameras)? {
             return open.renew(&gpu);
         }
         let shown = match &mut open.target {
@@ -312,7 +313,7 @@ impl View<'_, '_> {
             },
             None => PresentOutcome::NotNow,
         };
-        self.flat.displayed(session);
+        self.flat.displayed(session, &cameras);
         open.counted.1 += 1;
         if open.counted.1 == TITLE_FRAMES {
             let rate = f64::from(TITLE_FRAMES) / open.counted.0.elapsed().as_secs_f64().max(1e-6);

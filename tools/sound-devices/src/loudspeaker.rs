@@ -4,7 +4,7 @@ use crate::SoundError;
 use crate::clock::DeviceClock;
 use crate::connection::{Connection, Message, SoundServer};
 use crate::device::{Device, Stream};
-use crate::stream::{self, LONGEST_SILENCE, MEASURING, PIECE, PIECE_BYTES, SAMPLE_BYTES};
+use crate::stream::{self, LONGEST_SILENCE, MEASURING, PIECE, SAMPLE_BYTES};
 use pulseaudio::protocol::stream::{BufferAttr, StreamFlags};
 use pulseaudio::protocol::{
     ChannelMap, ChannelVolume, Command, CreatePlaybackStreamReply, LatencyParams, PlaybackLatency,
@@ -16,6 +16,10 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 
+/// Bytes of one moment, left and right ...
+const FRAME_BYTES: u32 = 2 * SAMPLE_BYTES;
+/// ... and of a piece.
+const PIECE_BYTES: u32 = 480 * FRAME_BYTES;
 /// What the server and the device hold together: as little as plays without a gap.
 const AHEAD_BYTES: u32 = 4 * PIECE_BYTES;
 /// The most that a server may ask for at a time.
@@ -23,8 +27,8 @@ const MOST_ASKED: u32 = 16 * AHEAD_BYTES;
 /// Between two looks whether it is to stop.
 const STOPPING: Duration = Duration::from_millis(100);
 
-/// Makes the next samples: of a moment by an even clock, which are heard so much later. It is called by the loudspeaker's own thread.
-pub type Fill = Box<dyn FnMut(Instant, Duration, &mut [f32]) + Send>;
+/// Makes the next samples, left and right: of a moment by an even clock, which are heard so much later. It is called by the loudspeaker's own thread.
+pub type Fill = Box<dyn FnMut(Instant, Duration, &mut [[f32; 2]]) + Send>;
 
 /// A loudspeaker that plays while this is there, again after it was away.
 #[derive(Debug)]
@@ -92,7 +96,7 @@ struct Playing {
     connection: Connection,
     channel: u32,
     clock: DeviceClock,
-    /// Samples sent.
+    /// Samples of a channel sent.
     count: u64,
     /// Bytes that the server has asked for.
     asked: u32,
@@ -136,8 +140,8 @@ impl Stream for Playing {
     fn begin(mut connection: Connection, name: &str) -> Result<Self, SoundError> {
         let stream: CreatePlaybackStreamReply =
             connection.ask(&Command::CreatePlaybackStream(PlaybackStreamParams {
-                sample_spec: stream::format(),
-                channel_map: ChannelMap::mono(),
+                sample_spec: stream::format(2),
+                channel_map: ChannelMap::stereo(),
                 sink_name: CString::new(name).ok(),
                 buffer_attr: BufferAttr {
                     max_length: 8 * AHEAD_BYTES,
@@ -146,7 +150,7 @@ impl Stream for Playing {
                     minimum_request_length: PIECE_BYTES,
                     ..BufferAttr::default()
                 },
-                cvolume: Some(ChannelVolume::norm(1)),
+                cvolume: Some(ChannelVolume::norm(2)),
                 flags: StreamFlags {
                     adjust_latency: true,
                     ..StreamFlags::default()
@@ -164,7 +168,7 @@ impl Stream for Playing {
             measuring: None,
         };
         // What fills the buffers at first is no one's voice.
-        let silence = [0.0; PIECE];
+        let silence = [[0.0; 2]; PIECE];
         for _ in 0..stream.requested_bytes.min(MOST_ASKED).div_ceil(PIECE_BYTES) {
             playing.send(&silence)?;
         }
@@ -173,9 +177,9 @@ impl Stream for Playing {
 }
 
 impl Playing {
-    fn send(&mut self, samples: &[f32]) -> Result<(), SoundError> {
+    fn send(&mut self, samples: &[[f32; 2]]) -> Result<(), SoundError> {
         self.count += samples.len() as u64;
-        self.connection.play(self.channel, samples)
+        self.connection.play(self.channel, samples.as_flattened())
     }
 
     /// Does what the server says next, if it says something.
@@ -211,9 +215,9 @@ impl Playing {
                 }
                 let ahead = latency.write_offset.saturating_sub(latency.read_offset);
                 self.clock.will_be_in_the_air(
-                    stream::samples(latency.write_offset),
+                    stream::samples(latency.write_offset, FRAME_BYTES),
                     Instant::now(),
-                    stream::seconds(ahead, latency.sink_usec),
+                    stream::seconds(ahead, FRAME_BYTES, latency.sink_usec),
                 );
                 Ok(())
             }
@@ -223,7 +227,7 @@ impl Playing {
 
     /// Sends what the server has asked for, in whole pieces.
     fn give(&mut self, fill: &mut Fill) -> Result<(), SoundError> {
-        let mut piece = [0.0; PIECE];
+        let mut piece = [[0.0; 2]; PIECE];
         while self.asked >= PIECE_BYTES {
             self.asked -= PIECE_BYTES;
             fill(self.clock.at(self.count), self.clock.delay(), &mut piece);
@@ -234,6 +238,6 @@ impl Playing {
 }
 
 const _: () = assert!(
-    PIECE_BYTES as usize == PIECE * SAMPLE_BYTES as usize,
+    PIECE_BYTES as usize == PIECE * FRAME_BYTES as usize,
     "of one piece"
 );

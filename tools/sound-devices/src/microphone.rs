@@ -4,7 +4,7 @@ use crate::SoundError;
 use crate::clock::DeviceClock;
 use crate::connection::{Connection, Message, SoundServer};
 use crate::device::{Device, Stream};
-use crate::stream::{self, LONGEST_SILENCE, MEASURING, PIECE_BYTES, SAMPLE_BYTES};
+use crate::stream::{self, LONGEST_SILENCE, MEASURING, SAMPLE_BYTES};
 use pulseaudio::protocol::stream::{BufferAttr, StreamFlags};
 use pulseaudio::protocol::{
     ChannelMap, Command, CreateRecordStreamReply, LatencyParams, RecordLatency, RecordStreamParams,
@@ -131,7 +131,7 @@ impl Stream for Recording {
     fn begin(mut connection: Connection, name: &str) -> Result<Self, SoundError> {
         let stream: CreateRecordStreamReply =
             connection.ask(&Command::CreateRecordStream(RecordStreamParams {
-                sample_spec: stream::format(),
+                sample_spec: stream::format(1),
                 channel_map: ChannelMap::mono(),
                 source_name: CString::new(name).ok(),
                 buffer_attr: BufferAttr {
@@ -212,7 +212,7 @@ impl Recording {
                 self.clock.was_in_the_air(
                     self.count,
                     Instant::now(),
-                    stream::seconds(behind, latency.source_usec),
+                    stream::seconds(behind, SAMPLE_BYTES, latency.source_usec),
                 );
             }
             Some(Message::Command(Command::RecordStreamKilled(_))) => {
@@ -236,4 +236,6 @@ impl Recording {
     }
 }
 
+/// Bytes of a piece, 10 ms.
+const PIECE_BYTES: u32 = 480 * SAMPLE_BYTES;
 const _: () = assert!(SAMPLE_BYTES == 4, "as many as are read");

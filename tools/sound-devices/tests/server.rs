@@ -14,16 +14,16 @@ const ROOM: &str = "sink_name=room rate=44100 channels=2";
 fn clicks() -> (Fill, Receiver<Instant>) {
     let (tell, told) = channel();
     let mut count = 0u64;
-    let fill = move |at: Instant, after: Duration, out: &mut [f32]| {
-        for (k, sample) in out.iter_mut().enumerate() {
+    let fill = move |at: Instant, after: Duration, out: &mut [[f32; 2]]| {
+        for (k, both) in out.iter_mut().enumerate() {
             let place = count % 12_000;
             count += 1;
             // 2 ms at 1 kHz: a single sample would be smeared where the rate is converted.
-            *sample = if place < 96 {
+            *both = [if place < 96 {
                 (place as f32 * 0.131).sin()
             } else {
                 0.0
-            };
+            }; 2];
             if place == 0 {
                 let within = Duration::from_secs_f64(k as f64 / f64::from(RATE));
                 let _ = tell.send(at + within + after);
@@ -94,7 +94,7 @@ fn what_a_loudspeaker_plays_a_microphone_hears_and_both_know_when() {
 fn devices_that_are_not_there_are_named() {
     let Some(pulse) = Pulse::start() else { return };
     let server = SoundServer::at(pulse.socket());
-    let silent: fn() -> Fill = || Box::new(|_, _, out: &mut [f32]| out.fill(0.0));
+    let silent: fn() -> Fill = || Box::new(|_, _, out: &mut [[f32; 2]]| out.fill([0.0; 2]));
     let microphone = |name| {
         Microphone::open(&server, name)
             .expect_err("none")

@@ -174,7 +174,7 @@ fn a_server_that_accepts_and_says_nothing_is_given_up() {
     );
     server.sees(&Seen::Connected);
     let address = server.address();
-    let silence = Box::new(|_, _, out: &mut [f32]| out.fill(0.0));
+    let silence = Box::new(|_, _, out: &mut [[f32; 2]]| out.fill([0.0; 2]));
     let loudspeaker = within(move || Loudspeaker::begin(&address, None, silence).map(drop));
     assert!(
         matches!(loudspeaker, Err(SoundError::Slow)),
@@ -210,7 +210,7 @@ fn a_microphone_notices_that_its_server_says_nothing_more() {
 fn a_loudspeaker_notices_that_its_server_says_nothing_more() {
     let server = SilentServer::start(Until::MidStream);
     let address = server.address();
-    let silence = Box::new(|_, _, out: &mut [f32]| out.fill(0.0));
+    let silence = Box::new(|_, _, out: &mut [[f32; 2]]| out.fill([0.0; 2]));
     let loudspeaker = Loudspeaker::begin(&address, None, silence).expect("a loudspeaker");
     assert_eq!(loudspeaker.name(), "ear");
     for seen in [Seen::Connected, Seen::Began, Seen::Connected, Seen::Began] {

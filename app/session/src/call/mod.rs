@@ -181,6 +181,12 @@ impl Call {
         self.watch.clone()
     }
 
+    /// What the person says, on its way to who plays it.
+    #[must_use]
+    pub fn voice(&self) -> VoiceQueue {
+        self.voice.clone()
+    }
+
     /// Leaves the call.
     pub async fn hang_up(self) {
         self.viewer.hang_up().await;

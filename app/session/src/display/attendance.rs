@@ -10,6 +10,7 @@ use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::{FinishedPerson, Lanes, PausableSource};
 use app_pipeline::placement::{InferenceBackends, Placed, PlacementReport, place_like};
 use app_pipeline::pool::in_own_pool;
+use link_voice::VoiceQueue;
 use renderer_splat::error::RenderError;
 use renderer_splat::options::RendererOptions;
 use renderer_splat::renderer::SplatRenderer;
@@ -34,6 +35,7 @@ pub(crate) struct Ready {
     placed: Placed,
     source: PersonSource,
     watch: Option<CallWatch>,
+    voice: Option<VoiceQueue>,
 }
 
 /// Someone who has left the picture, or never came into it.
@@ -86,7 +88,8 @@ impl Doorway<'_> {
 
     fn make_ready(&self, newcomer: &Participant) {
         let source = newcomer.join(self.control);
-        let watch = source.source().source().watch();
+        let motion = source.source().source();
+        let (watch, voice) = (motion.watch(), motion.voice());
         match place_like(self.backends, &newcomer.avatar, &self.like, self.control) {
             Ok(placed) => {
                 let newcomer = Ready {
@@ -94,6 +97,7 @@ impl Doorway<'_> {
                     placed,
                     source,
                     watch,
+                    voice,
                 };
                 if let Err(unsent) = self.ready.send(newcomer) {
                     unsent.0.turn_away();
@@ -161,6 +165,7 @@ impl Ready {
             placed,
             source,
             watch,
+            voice,
         } = self;
         // The other end is there as long as the session: there is nothing to do where it is not.
         let bid_farewell = |gone| drop(departed.send(gone));
@@ -194,6 +199,7 @@ impl Ready {
             avatar,
             placement: report,
             watch,
+            voice,
         };
         match people.get_mut(joined.number) {
             Some(place) => {

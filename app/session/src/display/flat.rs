@@ -7,6 +7,7 @@ use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::DisplayClock;
 use glam::{Affine3A, Quat, Vec3};
 use renderer_splat::background::Background;
+use renderer_splat::camera::Camera;
 use renderer_splat::options::{Filter, RendererOptions};
 use renderer_splat::renderer::SplatRenderer;
 use spmm3::Joint;
@@ -176,9 +177,10 @@ impl<'a> FlatView<'a> {
         Ok(Some(standpoint))
     }
 
-    /// Takes note that the picture is on its way to the display.
-    pub fn displayed(&mut self, session: &mut LiveSession<'_>) {
+    /// Takes note that the picture, seen from these cameras, is on its way to the display.
+    pub fn displayed(&mut self, session: &mut LiveSession<'_>, cameras: &[Camera]) {
         self.shown += 1;
+        session.place_voices_in_picture(cameras, &self.world_from_person);
         let shown = self.clock.drawn(self.begun, Instant::now());
         session.lanes.displayed(shown);
     }

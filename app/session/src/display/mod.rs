@@ -6,6 +6,7 @@
 
 pub(crate) mod attendance;
 mod flat;
+mod hearing;
 mod offscreen;
 mod stills;
 
@@ -20,6 +21,7 @@ use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::Lanes;
 use app_pipeline::placement::PlacementReport;
 use attendance::Attendance;
+use link_voice::VoiceQueue;
 use renderer_openxr::error::XrError;
 use renderer_splat::camera::Camera;
 use renderer_splat::options::RendererOptions;
@@ -86,6 +88,8 @@ pub struct Attendee {
     pub placement: PlacementReport,
     /// What is counted and told of the call with them, if their motion comes from one.
     pub watch: Option<CallWatch>,
+    /// What they say, if anything.
+    pub(crate) voice: Option<VoiceQueue>,
 }
 
 impl LiveSession<'_> {

@@ -119,7 +119,7 @@ impl Display for OffscreenDisplay<'_> {
             let Drawn::Picture = session.lanes.draw(&cameras)? else {
                 continue;
             };
-            view.displayed(session);
+            view.displayed(session, &cameras);
             let people = (session.lanes.poses().zip(session.people.iter()))
                 .zip(view.world_from_person())
                 .filter_map(|((motion, person), place)| {

@@ -3,6 +3,7 @@
 use crate::display::LiveSession;
 use crate::presence::{Presence, Standing, Viewer, contact_shadow};
 use app_pipeline::error::ReceiverError;
+use glam::Affine3A;
 use renderer_openxr::eyes::Surround;
 use renderer_splat::gaussian::PackedGaussian;
 use std::time::{Duration, Instant};
@@ -22,6 +23,8 @@ pub(super) struct Places {
     presence: Presence,
     standing: Vec<Option<Standing>>,
     shadows: Vec<PackedGaussian>,
+    /// Of all people, the viewer themselves among them.
+    floor_from_person: Vec<Affine3A>,
     updated: Option<Instant>,
 }
 
@@ -52,6 +55,13 @@ impl Places {
         self.standing
             .extend(others.map(|(motion, person)| Standing::of(&person.avatar.skeleton, motion?)));
         let places = self.presence.update(viewer, &self.standing, elapsed);
+        self.floor_from_person.clear();
+        self.floor_from_person
+            .resize(people.own, Affine3A::IDENTITY);
+        self.floor_from_person.extend_from_slice(places);
+        if let Some(floor_from_head) = viewer.floor_from_head {
+            people.place_voices(floor_from_head.inverse(), &self.floor_from_person);
+        }
         self.shadows.clear();
         for (person, (floor_from_person, standing)) in places.iter().zip(&self.standing).enumerate()
         {

@@ -109,6 +109,7 @@ impl<'a> Session<'a> {
                 avatar: Arc::clone(avatar),
                 placement: placed.report.clone(),
                 watch: source.source().source().watch(),
+                voice: source.source().source().voice(),
             })
             .collect();
         let like = people.first().map(|first| first.placement.clone());

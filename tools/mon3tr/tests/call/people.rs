@@ -2,6 +2,7 @@
 
 use crate::command::command;
 use crate::house::{House, Program, count};
+use crate::voice::{loudness_at, read_both, sung, write_wav};
 use image::RgbImage;
 use serde_json::Value;
 use synthetic_person::{Puppet, PuppetSize};
@@ -38,7 +39,7 @@ fn received(house: &House, links: [&str; 2], name: &str, options: &[&str]) -> (V
     let (out, json) = (house.path(name), house.new_report());
     let mut command = command(&["receive", links[0], links[1], "--display", "offscreen"]);
     command
-        .args(["--size", "200x150", "--view", "front", "--frames", "20"])
+        .args(["--size", "200x150", "--view", "front"])
         .args(["--out", &out, "--json", &json])
         .args(options);
     let report = Program::start_as(house, out.as_ref(), &mut command).report();
@@ -61,7 +62,7 @@ fn two_people_stand_or_sit_side_by_side_in_pictures_and_each_has_figures() {
     let senders = [&house, &second].map(|house| house.sender(&[]));
     let links = [&senders[0].viewers[..], &senders[1].viewers[..]];
 
-    let (report, standing) = received(&house, links, "standing", &[]);
+    let (report, standing) = received(&house, links, "standing", &["--frames", "20"]);
     assert_eq!(standing.dimensions(), (200, 150), "the size asked for");
     assert_eq!(groups(&standing, 10), 2, "two heads side by side");
     let others = report["others"].as_array().expect("others");
@@ -76,7 +77,47 @@ fn two_people_stand_or_sit_side_by_side_in_pictures_and_each_has_figures() {
         assert!(measured["latency"]["whole"]["p50_ms"].is_number(), "{of:#}");
     }
 
-    let (_, seated) = received(&house, links, "seated", &["--seat"]);
+    let (_, seated) = received(&house, links, "seated", &["--seat", "--frames", "20"]);
     let [up, down] = [&standing, &seated].map(top);
     assert!(down >= up + 8, "seated heads are lower: row {down}, {up}");
+}
+
+#[test]
+fn each_of_two_people_is_heard_from_where_they_are_seen() {
+    if vulkan::gpu().is_none() || onnx::runtime().is_none() {
+        return;
+    }
+    let house = House::open();
+    let pitches = [800.0, 1_300.0];
+    let senders = [0, 1].map(|number| {
+        let said = house.path(&format!("said-{number}.wav"));
+        write_wav(&said, link_voice::RATE, &sung(1, pitches[number]));
+        house.sender(&["--voice", &said])
+    });
+    let links = [&senders[0].viewers[..], &senders[1].viewers[..]];
+    let heard = house.path("heard.wav");
+    received(
+        &house,
+        links,
+        "heard",
+        &["--sound", &heard, "--frames", "200"],
+    );
+    let heard = read_both(&heard);
+    for (number, pitch) in pitches.into_iter().enumerate() {
+        let ears = [0, 1].map(|ear| {
+            let samples: Vec<f32> = heard.iter().map(|both| both[ear]).collect();
+            // The last second: everyone had a place by then.
+            let last = samples.len().saturating_sub(link_voice::RATE as usize);
+            loudness_at(&samples[last..], pitch).iter().sum::<f32>()
+        });
+        let louder = 20.0 * (ears[0] / ears[1]).log10();
+        println!("person {number} is louder in the left ear by {louder:.2} dB");
+        assert!(ears[0] > 0.1, "they speak: {ears:?}");
+        // The first one stands on the left.
+        let side = if number == 0 { louder } else { -louder };
+        assert!(
+            (0.3..6.0).contains(&side),
+            "person {number}: {louder:.2} dB"
+        );
+    }
 }

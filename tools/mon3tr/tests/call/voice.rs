@@ -80,12 +80,20 @@ pub(crate) fn write_wav(path: impl AsRef<Path>, sample_rate: u32, samples: &[f32
     wav.finalize().expect("a file");
 }
 
-/// Of what a program wrote.
+/// Of what a program wrote, left and right together.
 pub(crate) fn read_wav(path: &str) -> Vec<f32> {
+    let both = read_both(path).into_iter();
+    both.map(|[left, right]| (left + right) / 2.0).collect()
+}
+
+/// The same, left and right.
+pub(crate) fn read_both(path: &str) -> Vec<[f32; 2]> {
     let mut wav = hound::WavReader::open(path).expect("what was heard");
-    wav.samples::<i16>()
+    assert_eq!(wav.spec().channels, 2, "left and right");
+    let samples: Vec<f32> = (wav.samples::<i16>())
         .map(|sample| f32::from(sample.expect("a sample")) / 32_768.0)
-        .collect()
+        .collect();
+    samples.as_chunks().0.to_vec()
 }
 
 pub(crate) fn loudness(samples: &[f32]) -> Vec<f32> {
@@ -201,9 +209,9 @@ fn what_is_heard_and_what_is_seen_of_one_moment_come_together() {
 /// Says `spoken` again and again from this loudspeaker.
 fn speak(server: &SoundServer, name: &str, spoken: &[f32]) -> Loudspeaker {
     let (spoken, mut next) = (spoken.to_vec(), 0);
-    let fill = move |_: Instant, _: Duration, out: &mut [f32]| {
+    let fill = move |_: Instant, _: Duration, out: &mut [[f32; 2]]| {
         for out in out {
-            *out = spoken[next];
+            *out = [spoken[next]; 2];
             next = (next + 1) % spoken.len();
         }
     };
