@@ -42,6 +42,7 @@ pub mod path;
 mod peer;
 mod plan;
 mod privacy;
+pub mod reach;
 mod seats;
 pub mod sender;
 mod session;

@@ -7,8 +7,9 @@ use link_protocol::IceServers;
 use link_protocol::ice::{IceKind, IceServer, IceUrl};
 use link_protocol::room_link::ServerUrl;
 use rtc::stun::message::{
-    BINDING_REQUEST, BINDING_SUCCESS, Message, TransactionId, is_stun_message,
+    BINDING_REQUEST, BINDING_SUCCESS, Getter, Message, TransactionId, is_stun_message,
 };
+use rtc::stun::xoraddr::XorMappedAddress;
 use serde::Serialize;
 use std::collections::{BTreeSet, HashMap};
 use std::fmt;
@@ -22,7 +23,7 @@ use tokio::time::{Instant, timeout};
 
 /// When a server is asked, after the first time, and when it counts as unreachable over UDP.
 const ASK_AGAIN: [Duration; 2] = [Duration::from_millis(200), Duration::from_millis(400)];
-const UNREACHABLE: Duration = Duration::from_millis(900);
+pub(crate) const UNREACHABLE: Duration = Duration::from_millis(900);
 /// How long what was found holds: a server that was restarted, or a network that lets more through, is noticed after this.
 const HOLDS: Duration = Duration::from_secs(60);
 
@@ -207,7 +208,7 @@ async fn answers(host: &str, port: u16) -> bool {
             asked.spawn(ask(*address));
         }
         while let Some(answer) = asked.join_next().await {
-            if let Ok(Ok(())) = answer {
+            if let Ok(Ok(_)) = answer {
                 return Some(());
             }
         }
@@ -216,38 +217,47 @@ async fn answers(host: &str, port: u16) -> bool {
     matches!(timeout(UNREACHABLE, asked).await, Ok(Some(())))
 }
 
-async fn ask(server: SocketAddr) -> std::io::Result<()> {
+async fn ask(server: SocketAddr) -> std::io::Result<SocketAddr> {
     let any: IpAddr = if server.is_ipv4() {
         Ipv4Addr::UNSPECIFIED.into()
     } else {
         Ipv6Addr::UNSPECIFIED.into()
     };
-    let socket = UdpSocket::bind((any, 0)).await?;
-    // A connected socket takes packets of the server only.
-    socket.connect(server).await?;
+    ask_from(&UdpSocket::bind((any, 0)).await?, server).await
+}
+
+/// Asks a STUN server from `socket`, which nothing else reads, until it answers: the address that it sees. Without end where it does not.
+pub(crate) async fn ask_from(
+    socket: &UdpSocket,
+    server: SocketAddr,
+) -> std::io::Result<SocketAddr> {
     let mut request = Message::new();
     let build = request.build(&[Box::<TransactionId>::default(), Box::new(BINDING_REQUEST)]);
     build.map_err(std::io::Error::other)?;
     let mut buffer = [0; 1500];
     let mut pauses = ASK_AGAIN.into_iter();
     loop {
-        socket.send(&request.raw).await?;
+        socket.send_to(&request.raw, server).await?;
         let pause = pauses.next().unwrap_or(UNREACHABLE);
         let begun = Instant::now();
         while let Ok(received) = timeout(
             pause.saturating_sub(begun.elapsed()),
-            socket.recv(&mut buffer),
+            socket.recv_from(&mut buffer),
         )
         .await
         {
-            let bytes = buffer.get(..received?).unwrap_or_default();
+            let (count, from) = received?;
+            let bytes = buffer.get(..count).unwrap_or_default();
             let mut answer = Message::new();
-            if is_stun_message(bytes)
+            if from == server
+                && is_stun_message(bytes)
                 && answer.unmarshal_binary(bytes).is_ok()
                 && answer.typ == BINDING_SUCCESS
                 && answer.transaction_id == request.transaction_id
             {
-                return Ok(());
+                let mut seen = XorMappedAddress::default();
+                seen.get_from(&answer).map_err(std::io::Error::other)?;
+                return Ok(SocketAddr::new(seen.ip, seen.port));
             }
         }
     }

@@ -26,6 +26,11 @@ impl Privacy {
         self.change(|now| *now = state);
     }
 
+    /// Is heard from now on, or is not.
+    pub fn mute(&self, muted: bool) {
+        self.change(|state| state.muted = muted);
+    }
+
     /// Is no longer heard, or is again; what holds now.
     pub fn toggle_mute(&self) -> PersonState {
         self.change(|state| state.muted = !state.muted)

@@ -1,6 +1,6 @@
 //! The JSON bodies about calls of several: opening one, and who is in it.
 
-use crate::{Announcement, Name, PersonName};
+use crate::{Announcement, IceServers, Name, PersonName};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -29,6 +29,9 @@ impl fmt::Debug for OpenedCall {
 pub struct CallStatus {
     /// All of them, [`MAX_PEOPLE`](crate::limits::MAX_PEOPLE) at most.
     pub seats: Vec<Seat>,
+    /// The STUN and TURN servers, with credentials for the call; a viewer of a seat is told those of the seat.
+    #[serde(default, skip_serializing_if = "IceServers::is_empty")]
+    pub ice_servers: IceServers,
 }
 
 /// A seat of a call: a room in which one person at a time is the sender.

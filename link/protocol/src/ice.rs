@@ -3,7 +3,7 @@
 
 use crate::ProtocolError;
 use crate::limits::{MAX_ICE_SERVERS, MAX_ICE_TEXT, MAX_ICE_URLS};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
 use std::str::FromStr;
 
@@ -155,6 +155,12 @@ impl fmt::Display for IceUrl {
         } else {
             write!(f, "{scheme}:{}:{port}{query}", self.host)
         }
+    }
+}
+
+impl Serialize for IceUrl {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
     }
 }
 

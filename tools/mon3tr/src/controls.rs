@@ -28,9 +28,18 @@ pub(crate) struct Controls {
     /// A look at oneself.
     pub(crate) own: OwnMotion,
     pub(crate) stop: Arc<AtomicBool>,
+    /// Whether this side is heard while the space bar is held, and else not.
+    pub(crate) push_to_talk: bool,
 }
 
 impl Controls {
+    /// The space bar is held from now on, or not any longer.
+    pub(crate) fn hold_to_talk(&self, is_held: bool) {
+        if self.push_to_talk {
+            self.privacy.mute(!is_held);
+        }
+    }
+
     /// Does what `key` stands for; whether it stands for anything.
     pub(crate) fn press(&self, key: char) -> bool {
         match key.to_ascii_lowercase() {
@@ -138,6 +147,7 @@ mod tests {
             clock: Clock::start(),
             own: OwnMotion::default(),
             stop: Arc::default(),
+            push_to_talk: false,
         };
         controls.listen(&b"mute\nH\n\nx\ns\n"[..]);
         let state = controls.privacy.state();
@@ -147,5 +157,27 @@ mod tests {
         controls.listen(&b"m\nq"[..]);
         assert!(!controls.privacy.state().muted, "heard again");
         assert!(controls.stop.load(Relaxed), "hung up");
+    }
+
+    #[test]
+    fn who_pushes_to_talk_is_heard_while_they_hold_and_others_by_their_mute_alone() {
+        let controls = |push_to_talk| Controls {
+            privacy: Privacy::default(),
+            members: Members::default(),
+            clock: Clock::start(),
+            own: OwnMotion::default(),
+            stop: Arc::default(),
+            push_to_talk,
+        };
+        let pushes = controls(true);
+        pushes.hold_to_talk(false);
+        assert!(pushes.privacy.state().muted, "from the start");
+        pushes.hold_to_talk(true);
+        assert!(!pushes.privacy.state().muted, "while held");
+        pushes.hold_to_talk(false);
+        assert!(pushes.privacy.state().muted, "and no longer");
+        let other = controls(false);
+        other.hold_to_talk(false);
+        assert!(!other.privacy.state().muted, "the bar does nothing");
     }
 }

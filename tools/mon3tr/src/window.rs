@@ -152,6 +152,17 @@ impl ApplicationHandler for View<'_, '_> {
                 events.exit();
                 Ok(())
             }
+            WindowEvent::KeyboardInput { event, .. }
+                if event.logical_key == Key::Named(NamedKey::Space) =>
+            {
+                self.hold_to_talk(event.state == ElementState::Pressed);
+                Ok(())
+            }
+            // A key that is let go elsewhere is not told.
+            WindowEvent::Focused(false) => {
+                self.hold_to_talk(false);
+                Ok(())
+            }
             WindowEvent::KeyboardInput { event, .. } if event.state == ElementState::Pressed => {
                 let controls = self.display.controls.as_ref().filter(|_| !event.repeat);
                 if let (Some(controls), Key::Character(key)) = (controls, &event.logical_key) {
@@ -333,6 +344,12 @@ impl View<'_, '_> {
             std::thread::sleep(HIDDEN);
         }
         Ok(())
+    }
+
+    fn hold_to_talk(&self, is_held: bool) {
+        if let Some(controls) = &self.display.controls {
+            controls.hold_to_talk(is_held);
+        }
     }
 
     fn orbit(&mut self) {

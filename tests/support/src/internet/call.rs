@@ -153,6 +153,36 @@ impl CallWorld {
         }
     }
 
+    /// `doctor` in a home, with a second STUN server to ask on the server's machine: its figures, and what it says.
+    ///
+    /// # Panics
+    /// If it fails.
+    #[must_use]
+    pub fn doctor(&self, home: &Home) -> (Value, String) {
+        let other = self.folder.path().join("other");
+        let mut serve = mon3tr_command(&self.mon3tr, self.folder.path());
+        serve.args(["serve", "--listen", "127.0.0.1:0", "--turn", "0.0.0.0:3479"]);
+        serve.arg("--data").arg(other);
+        let mut other = Program::start(&mut self.internet.server().enter(&serve));
+        other.says("serving on http://", 1);
+        let (mut command, report) = self.command("doctor");
+        let token = std::fs::read_to_string(self.folder.path().join("server/owner-token"));
+        command
+            .args([
+                "--owner-token",
+                token.expect("the server has left it there").trim(),
+            ])
+            .args(["--server", &format!("http://{SERVER}:8080")])
+            .args(["--stun", &format!("{SERVER}:3479")]);
+        let output = home.machine().enter(&command).output();
+        let output = output.expect("it can be started");
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        let complaints = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{said}{complaints}");
+        let figures = std::fs::read(report).expect("a report");
+        (serde_json::from_slice(&figures).expect("JSON"), said)
+    }
+
     /// A sub-command that writes its figures, and where.
     fn command(&self, name: &str) -> (Command, PathBuf) {
         let number = self.files.get();

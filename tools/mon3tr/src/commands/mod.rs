@@ -3,6 +3,7 @@
 pub mod bake;
 pub(crate) mod call;
 pub(crate) mod demo;
+pub(crate) mod doctor;
 pub(crate) mod inspect;
 pub(crate) mod profile;
 pub(crate) mod receive;
@@ -32,6 +33,8 @@ pub enum Command {
     Serve(serve::Options),
     /// Talk with someone: both are seen and heard
     Call(Box<call::Options>),
+    /// Say whether, and by which way, others can reach this machine
+    Doctor(doctor::Options),
     /// Send what a camera sees a person do, or a motion from a file, to everyone who joins
     Send(send::Options),
     /// Join a call and show who is there
@@ -56,6 +59,7 @@ impl Command {
             Self::Render(options) => render::run(options, device),
             Self::Serve(options) => serve::run(options),
             Self::Call(options) => call::run(options, device),
+            Self::Doctor(options) => doctor::run(options),
             Self::Send(options) => send::run(options, device),
             Self::Receive(options) => receive::run(options, device),
             Self::Profile(options) => profile::run(options, device),

@@ -204,3 +204,32 @@ fn a_call_over_tcp_goes_on_when_the_viewers_machine_gets_another_address() {
         viewer.move_machine();
     });
 }
+
+#[test]
+fn the_doctor_tells_what_is_between_a_home_and_the_others() {
+    let Some(mut world) = world() else { return };
+    for (kind, between, verdict) in [
+        (HomeKind::Open, "nothing", "Others reach you directly."),
+        (
+            HomeKind::Cone,
+            "cone",
+            "where their own NAT allows it, else by the relay",
+        ),
+        (HomeKind::Symmetric, "symmetric", "by the relay at worst"),
+        (HomeKind::UdpBlocked, "no_udp", "by the relay only"),
+    ] {
+        let home = world.internet().home(kind);
+        let (figures, said) = world.doctor(&home);
+        println!("{kind}:\n{said}");
+        assert_eq!(figures["between"], between, "{kind}: {figures:#}");
+        assert_eq!(figures["is_lent"], true, "{kind}: {figures:#}");
+        assert!(said.contains(verdict), "{kind}: {said}");
+        let transport = &figures["relay"]["transport"];
+        let expected = if kind == HomeKind::UdpBlocked {
+            "tcp"
+        } else {
+            "udp"
+        };
+        assert_eq!(transport, expected, "{kind}: {figures:#}");
+    }
+}

@@ -10,7 +10,7 @@ use axum::Json;
 use axum::body::Bytes;
 use axum::extract::rejection::BytesRejection;
 use axum::extract::{Extension, Path, State};
-use axum::http::{HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::future::join_all;
 use link_protocol::calls::{CallStatus, OpenedCall, Seat, Taken};
@@ -41,6 +41,7 @@ pub(super) async fn status(
     State(app): State<Arc<App>>,
     Extension(claims): Extension<Claims>,
     Path(call): Path<String>,
+    headers: HeaderMap,
 ) -> Result<Response, HttpError> {
     let call = Id::parse(&call)
         .filter(|call| claims.may(&[Role::Member], *call))
@@ -48,7 +49,9 @@ pub(super) async fn status(
     let seats = app.secret.seats(call).map(|room| seat(&app, room));
     let seats = join_all(seats).await;
     let seats = seats.into_iter().collect::<Result<_, _>>()?;
-    Ok((NO_STORE, Json(CallStatus { seats })).into_response())
+    let ice_servers = app.ice.servers(&headers, call, claims.expires);
+    let status = CallStatus { seats, ice_servers };
+    Ok((NO_STORE, Json(status)).into_response())
 }
 
 async fn seat(app: &App, room: Id) -> Result<Seat, HttpError> {

@@ -40,6 +40,9 @@ pub struct Options {
     host: send::HostOptions,
     #[command(flatten)]
     show: receive::ShowOptions,
+    /// Be heard only while the space bar is held in the window (`m` on the terminal does it too)
+    #[arg(long)]
+    push_to_talk: bool,
     /// Hang up so many seconds after the first other one is there [default: on q, on Ctrl-C, or when the window is closed]
     #[arg(long, value_name = "SECONDS", value_parser = network::parse_seconds)]
     seconds: Option<Duration>,
@@ -132,7 +135,9 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         clock: line.clock,
         own: own.clone(),
         stop: Arc::clone(&line.stop),
+        push_to_talk: options.push_to_talk,
     };
+    controls.hold_to_talk(false);
     let context = NetworkContext {
         network: line.network.handle(),
         client: line.client.clone(),

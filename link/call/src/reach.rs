@@ -1,0 +1,155 @@
+//! How this machine can be reached, found out as a call would, without one: who answers, as whom this machine is seen, and whether a relay lends it an address.
+
+use crate::CallError;
+use crate::addresses;
+use crate::peer::Peer;
+use crate::plan::{Planner, Relay, UNREACHABLE, ask_from};
+use link_protocol::IceServers;
+use link_protocol::announcement::ChannelMode;
+use link_protocol::ice::{IceKind, IceServer, IceUrl};
+use link_protocol::room_link::ServerUrl;
+use serde::Serialize;
+use std::collections::BTreeSet;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use tokio::net::{UdpSocket, lookup_host};
+use tokio::time::timeout;
+
+/// What ways there are to this machine.
+#[derive(Debug, Clone, Serialize)]
+pub struct Reach {
+    /// Its own addresses.
+    pub own: BTreeSet<IpAddr>,
+    /// As whom it is seen, from one socket: a STUN server's address, and the address that it saw.
+    pub seen: Vec<(IceUrl, SocketAddr)>,
+    /// STUN servers that did not answer over UDP.
+    pub silent: Vec<IceUrl>,
+    /// The relay that answers ...
+    pub relay: Option<Relay>,
+    /// ... and whether it has lent an address.
+    pub is_lent: bool,
+}
+
+/// What is between this machine and the internet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Between {
+    /// Nothing: this machine's own address is the one that others see.
+    Nothing,
+    /// A NAT that gives one address to whomever this machine talks to: others find it by that, where they are behind no stricter one.
+    Cone,
+    /// A NAT that gives another address for each destination: calls to others who are behind a NAT need a relay.
+    Symmetric,
+    /// A NAT of one of these two kinds: two STUN servers would tell.
+    SomeNat,
+    /// Something that lets no UDP through, or there is no STUN server to ask.
+    NoUdp,
+}
+
+impl Reach {
+    /// What is between, as far as the answers tell.
+    #[must_use]
+    pub fn between(&self) -> Between {
+        let ports: BTreeSet<SocketAddr> = self.seen.iter().map(|(_, seen)| *seen).collect();
+        match self.seen.first() {
+            None => Between::NoUdp,
+            Some((_, seen)) if self.own.contains(&seen.ip()) => Between::Nothing,
+            Some(_) if ports.len() > 1 => Between::Symmetric,
+            Some(_) if self.seen.len() > 1 => Between::Cone,
+            Some(_) => Between::SomeNat,
+        }
+    }
+
+    /// Asks the servers of a room or call on `server`, and `others`.
+    ///
+    /// # Errors
+    /// If this machine has no network at all.
+    pub async fn find(
+        server: &ServerUrl,
+        servers: &IceServers,
+        others: &[IceUrl],
+    ) -> Result<Self, CallError> {
+        let told = servers.as_slice().iter().flat_map(IceServer::addresses);
+        let mut urls: Vec<IceUrl> = told.filter(|url| url.kind == IceKind::Stun).collect();
+        urls.extend(others.iter().cloned());
+        let seen = ask_each(&urls).await.unwrap_or_else(|error| {
+            log::warn!("no STUN server can be asked: {error}");
+            Vec::new()
+        });
+        let silent = (urls.into_iter())
+            .filter(|url| !seen.iter().any(|(answering, _)| answering == url))
+            .collect();
+        // It keeps the way to a relay over TCP.
+        let planner = Planner::default();
+        let plan = planner.plan(server, servers).await;
+        let relay = plan.relay.clone();
+        let is_lent = relay.is_some() && {
+            let (peer, sdp) = Peer::offer(plan, ChannelMode::Unreliable).await?;
+            peer.close().await;
+            sdp.lines().any(is_relayed)
+        };
+        Ok(Self {
+            own: addresses::usable(),
+            seen,
+            silent,
+            relay,
+            is_lent,
+        })
+    }
+}
+
+/// Whether a line of SDP is the candidate of a relay (RFC 8839, section 5.1).
+fn is_relayed(line: &str) -> bool {
+    line.starts_with("a=candidate:") && line.contains(" typ relay")
+}
+
+/// Asks one after the other, all from one socket, so that what they see can be compared. IPv4 only: no NAT is in the way of IPv6.
+async fn ask_each(urls: &[IceUrl]) -> std::io::Result<Vec<(IceUrl, SocketAddr)>> {
+    let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).await?;
+    let mut seen = Vec::new();
+    for url in urls {
+        let found = lookup_host((url.host.as_str(), url.port)).await;
+        let address = found.into_iter().flatten().find(SocketAddr::is_ipv4);
+        let Some(address) = address else {
+            continue;
+        };
+        if let Ok(Ok(mapped)) = timeout(UNREACHABLE, ask_from(&socket, address)).await {
+            seen.push((url.clone(), mapped));
+        }
+    }
+    Ok(seen)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn reach(own: &[&str], seen: &[&str]) -> Between {
+        let url: IceUrl = "stun:192.0.2.9".parse().expect("an address");
+        let seen = seen
+            .iter()
+            .map(|seen| (url.clone(), seen.parse().expect("an address")));
+        Reach {
+            own: own
+                .iter()
+                .map(|own| own.parse().expect("an address"))
+                .collect(),
+            seen: seen.collect(),
+            silent: Vec::new(),
+            relay: None,
+            is_lent: false,
+        }
+        .between()
+    }
+
+    #[test]
+    fn what_is_between_follows_from_what_servers_see() {
+        let own = ["192.168.1.2", "203.0.113.5"];
+        assert_eq!(reach(&own, &["203.0.113.5:9"]), Between::Nothing);
+        let own = ["192.168.1.2"];
+        assert_eq!(reach(&own, &[]), Between::NoUdp);
+        assert_eq!(reach(&own, &["203.0.113.5:9"]), Between::SomeNat);
+        let [one, other] = ["203.0.113.5:9", "203.0.113.5:10"];
+        assert_eq!(reach(&own, &[one, one]), Between::Cone);
+        assert_eq!(reach(&own, &[one, other]), Between::Symmetric);
+    }
+}

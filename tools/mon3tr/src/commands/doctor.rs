@@ -1,0 +1,142 @@
+//! `mon3tr doctor`: whether calls will find their way to this machine, before there is one.
+
+use crate::commands::send::HostOptions;
+use crate::network::{Line, Trust};
+use crate::report::{check_writable, write_json};
+use anyhow::Context;
+use link_call::reach::{Between, Reach};
+use link_protocol::CallLink;
+use link_protocol::ice::IceUrl;
+use serde::Serialize;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Options of `doctor`.
+#[derive(Debug, clap::Args)]
+pub struct Options {
+    /// The call's link that is to be joined; without one, a call on the server is opened to ask
+    #[arg(value_name = "LINK", conflicts_with = "server")]
+    link: Option<String>,
+    #[command(flatten)]
+    host: HostOptions,
+    /// Ask this STUN server, too: two of them tell what kind of NAT is in between
+    #[arg(long, value_name = "HOST[:PORT]", value_parser = parse_stun)]
+    stun: Vec<IceUrl>,
+    #[command(flatten)]
+    trust: Trust,
+    /// Write what was found as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+#[derive(Serialize)]
+struct Report {
+    server: String,
+    /// From the question to the answer, milliseconds.
+    answered_ms: f64,
+    between: Between,
+    #[serde(flatten)]
+    reach: Reach,
+}
+
+fn parse_stun(text: &str) -> Result<IceUrl, String> {
+    let url = format!("stun:{}", text.strip_prefix("stun:").unwrap_or(text));
+    url.parse().map_err(|error| format!("{error}"))
+}
+
+/// Runs `doctor`.
+pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
+    options.json.as_deref().map_or(Ok(()), check_writable)?;
+    let line = Line::open(&options.trust)?;
+    let link = options.link(&line)?;
+    let begun = Instant::now();
+    let status = line.network.block_on(line.client.call_status(&link));
+    let status = status.context("the server cannot be asked")?;
+    let answered_ms = begun.elapsed().as_secs_f64() * 1e3;
+    let finding = Reach::find(link.server(), &status.ice_servers, &options.stun);
+    let reach = line.network.block_on(finding)?;
+    let report = Report {
+        server: link.server().to_string(),
+        answered_ms,
+        between: reach.between(),
+        reach,
+    };
+    report.print();
+    write_json(options.json.as_deref(), &report)
+}
+
+impl Options {
+    fn link(&self, line: &Line) -> anyhow::Result<CallLink> {
+        if let Some(link) = &self.link {
+            return Ok(link.parse()?);
+        }
+        let token = self.host.owner_token()?;
+        let opened = line.client.open_call(self.host.server(), &token, None);
+        line.network
+            .block_on(opened)
+            .context("the server cannot be asked")
+    }
+}
+
+impl Report {
+    fn print(&self) {
+        let Reach {
+            own,
+            seen,
+            silent,
+            relay,
+            is_lent,
+        } = &self.reach;
+        println!(
+            "server    {} answers in {:.0} ms",
+            self.server, self.answered_ms
+        );
+        let own: Vec<String> = own.iter().map(ToString::to_string).collect();
+        println!("here      {}", own.join(", "));
+        for (url, seen) in seen {
+            println!("seen      as {seen} by {url}");
+        }
+        for url in silent {
+            println!("silent    {url} does not answer over UDP");
+        }
+        match (relay, is_lent) {
+            (Some(relay), true) => println!("relay     {relay} lends an address"),
+            (Some(relay), false) => println!("relay     {relay} lends no address"),
+            (None, _) => println!("relay     none: the server's operator can start it with --turn"),
+        }
+        println!("between   {}", told(self.between));
+        println!("\n{}", verdict(self.between, *is_lent));
+    }
+}
+
+/// What is between this machine and others, in words.
+fn told(between: Between) -> &'static str {
+    match between {
+        Between::Nothing => "no NAT: this machine's own address is seen",
+        Between::Cone => "a NAT that gives one address for all destinations",
+        Between::Symmetric => "a NAT that gives another address for each destination",
+        Between::SomeNat => "a NAT; a second STUN server (--stun) would tell of which kind",
+        Between::NoUdp => "something that lets no UDP through, or no STUN server answers",
+    }
+}
+
+/// What that means for calls.
+fn verdict(between: Between, is_lent: bool) -> &'static str {
+    match (between, is_lent) {
+        (Between::Nothing, _) => "Others reach you directly.",
+        (Between::Cone, true) => {
+            "Others reach you directly where their own NAT allows it, else by the relay."
+        }
+        (Between::SomeNat | Between::Symmetric, true) => {
+            "Others without a NAT reach you directly, all others by the relay at worst."
+        }
+        (Between::NoUdp, true) => "Others reach you by the relay only, which costs some delay.",
+        (Between::Cone, false) => {
+            "Others reach you directly where their own NAT allows it; those behind a strict one do not: a relay is missing."
+        }
+        (Between::SomeNat | Between::Symmetric, false) => {
+            "Only others without a NAT are sure to reach you: a relay is missing."
+        }
+        (Between::NoUdp, false) => "Others cannot reach you: a relay is missing.",
+    }
+}
