@@ -98,6 +98,9 @@ mod tests {
                 seconds: f64::from(reach),
                 floor_from_view: Some(Affine3A::from_translation(Vec3::Y * eyes.y)),
                 hands: [hand(-0.15), hand(0.15)],
+                body: None,
+                face: None,
+                gazes: [None; 2],
                 origin: 0,
             }
         };

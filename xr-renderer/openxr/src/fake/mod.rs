@@ -38,6 +38,7 @@ mod session;
 mod swapchain;
 mod table;
 mod tests;
+mod trackers;
 mod vendor;
 mod world;
 
@@ -99,6 +100,11 @@ impl FakeRuntime {
             world.system.hand_tracking = true;
             world.system.passthrough = true;
             world.system.foveation_around_gaze = true;
+            world.system.body_tracking = true;
+            world.system.full_body = true;
+            world.system.face_seen = true;
+            world.system.face_heard = true;
+            world.system.eye_tracking = true;
         });
         fake
     }
