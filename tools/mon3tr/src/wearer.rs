@@ -1,10 +1,15 @@
-//! A headset's wearer as a source of motion: where the headset's loop saw head and hands, fitted to the avatar.
+//! A headset's wearer as a source of motion: what the headset's loop saw of them, fitted to the avatar.
 
 use app_session::headset::{WearerNews, WearerSlot};
-use motion_fit::wearer::{Stance, WearerFit, WearerHand, WearerSample};
+use motion_fit::wearer::{
+    Stance, WearerBody, WearerExpression, WearerFace, WearerFit, WearerGaze, WearerHand,
+    WearerJoint, WearerSample,
+};
+use renderer_openxr::ext::body_tracking::Body;
+use renderer_openxr::ext::face_tracking::{Face, FaceSource};
 use renderer_openxr::wearer::Wearer;
 use sender::{Capture, Captured, SendError};
-use spmm3::Skeleton;
+use spmm3::{ExpressionBasis, Expressions, Skeleton};
 use std::time::{Duration, Instant};
 
 /// From one motion to the next, at least, with room for frames that come a little early.
@@ -17,16 +22,23 @@ const LOOK: Duration = Duration::from_millis(200);
 pub(crate) struct WearerCapture {
     slot: WearerSlot,
     fit: WearerFit,
+    expression: WearerExpression,
     /// When the next motion is sent.
     next: Option<Instant>,
 }
 
 impl WearerCapture {
-    /// Has the wearer whom `slot` is of drive the avatar of `skeleton`.
-    pub(crate) fn new(slot: WearerSlot, skeleton: &Skeleton, stance: Stance) -> Self {
+    /// Has the wearer whom `slot` is of drive the avatar of `skeleton`, whose face has that basis and those named expressions.
+    pub(crate) fn new(
+        slot: WearerSlot,
+        skeleton: &Skeleton,
+        (basis, expressions): (&ExpressionBasis, &Expressions),
+        stance: Stance,
+    ) -> Self {
         Self {
             slot,
             fit: WearerFit::new(skeleton, stance),
+            expression: WearerExpression::new(basis, expressions),
             next: None,
         }
     }
@@ -41,16 +53,18 @@ impl Capture for WearerCapture {
                 WearerNews::Over => return Ok(None),
             };
             // Before the head is known for the first time there is nothing to send.
-            let Some(fitted) = self.fit.step(&sample(&wearer)) else {
+            let sample = sample(&wearer);
+            let Some(mut fitted) = self.fit.step(&sample) else {
                 continue;
             };
             if self.next.is_none_or(|next| wearer.at >= next) {
                 self.next = Some(wearer.at + SHORTEST);
+                // A face that is not tracked has its lips from the voice.
+                let face = self.expression.show(&sample, &mut fitted.motion);
                 return Ok(Some(Captured {
                     at: wearer.at,
                     motion: fitted.motion,
-                    // A headset sees no face.
-                    face: None,
+                    face,
                 }));
             }
         }
@@ -65,7 +79,41 @@ fn sample(wearer: &Wearer) -> WearerSample {
             joints: hand.joints,
             floor_from_grip: hand.floor_from_grip,
         }),
+        body: wearer.body.as_ref().map(body),
+        face: wearer.face.as_ref().map(face),
+        gazes: wearer.gazes.map(|gaze| {
+            gaze.map(|gaze| WearerGaze {
+                floor_from_eye: gaze.floor_from_eye,
+                confidence: gaze.confidence,
+            })
+        }),
         origin: wearer.origin,
+    }
+}
+
+fn body(body: &Body) -> WearerBody {
+    WearerBody {
+        confidence: body.confidence,
+        joints: body.joints.map(|joint| {
+            joint.map(|joint| WearerJoint {
+                floor_from_joint: joint.floor_from_joint,
+                tracked: joint.tracked,
+            })
+        }),
+        t_pose: body.t_pose,
+    }
+}
+
+fn face(face: &Face) -> WearerFace {
+    let [mouth, _] = face.confidences;
+    WearerFace {
+        weights: face.weights,
+        // The extension tells how sure cameras are. A face that was heard is valid or not there.
+        confidence: match face.source {
+            FaceSource::Seen => mouth,
+            FaceSource::Heard => 1.0,
+        },
+        eyes_look: face.eyes_look,
     }
 }
 
@@ -82,7 +130,8 @@ mod tests {
         let rest = |joint: Joint| skeleton.rest_positions()[joint.index()];
         let eyes = (rest(Joint::LeftEye) + rest(Joint::RightEye)) / 2.0;
         let slot = WearerSlot::default();
-        let mut capture = WearerCapture::new(slot.clone(), &skeleton, Stance::Standing);
+        let face = (&ExpressionBasis::ARKIT_52, &Expressions::new());
+        let mut capture = WearerCapture::new(slot.clone(), &skeleton, face, Stance::Standing);
         let wearer = |reach: f32| {
             let hand = |x: f32| {
                 let mut joints = [None; 26];
