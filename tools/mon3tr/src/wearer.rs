@@ -121,7 +121,7 @@ fn face(face: &Face) -> WearerFace {
 mod tests {
     use super::*;
     use glam::{Affine3A, Vec3};
-    use spmm3::Joint;
+    use spmm3::{ExpressionPreset, Joint};
     use synthetic_person::Puppet;
 
     #[test]
@@ -165,5 +165,49 @@ mod tests {
         }
         slot.close();
         assert_eq!(capture.next().expect("no failure"), None, "over");
+    }
+
+    #[test]
+    fn a_face_that_is_seen_or_heard_is_the_avatars_and_how_sure_it_is_goes_with_it() {
+        let skeleton = Puppet::small().skeleton;
+        let mut coefficients = [0.0; spmm3::EXPRESSION];
+        coefficients[4] = 2.0;
+        let smile = ExpressionPreset {
+            coefficients,
+            jaw: 0.0,
+        };
+        let expressions = [("smile".to_owned(), smile)].into();
+        let slot = WearerSlot::default();
+        let face = (&ExpressionBasis::MAKEHUMAN_1, &expressions);
+        let mut capture = WearerCapture::new(slot.clone(), &skeleton, face, Stance::Standing);
+        let mut at = Instant::now();
+        let mut smiles = |face: Option<(f32, FaceSource)>| {
+            at += SHORTEST;
+            let mut weights = [0.0; 70];
+            // LIP_CORNER_PULLER_L and _R.
+            weights[32..34].fill(0.5);
+            slot.put(Wearer {
+                at,
+                seconds: 0.0,
+                floor_from_view: Some(Affine3A::from_translation(Vec3::Y * 1.6)),
+                hands: Default::default(),
+                body: None,
+                face: face.map(|(mouth, source)| Face {
+                    weights,
+                    confidences: [mouth, 0.1],
+                    eyes_look: false,
+                    source,
+                }),
+                gazes: [None; 2],
+                origin: 0,
+            });
+            let captured = capture.next().expect("no failure").expect("a motion");
+            (captured.motion.expression()[4], captured.face)
+        };
+        assert_eq!(smiles(None), (0.0, None), "not tracked: the voice's");
+        let seen = smiles(Some((0.7, FaceSource::Seen)));
+        assert_eq!(seen, (1.0, Some(0.7)), "seen");
+        let heard = smiles(Some((0.0, FaceSource::Heard)));
+        assert_eq!(heard, (1.0, Some(1.0)), "heard");
     }
 }

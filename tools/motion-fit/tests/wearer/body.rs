@@ -215,7 +215,8 @@ fn a_body_that_comes_and_goes_does_not_make_the_avatar_jump() {
         "the greatest step beyond the person's own: {:.1} mm",
         worst * 1e3
     );
-    assert!(worst < 0.06, "a jump of {worst} m");
+    // Feet that step make 62 mm of their own; a body that counted at once would make 560.
+    assert!(worst < 0.15, "a jump of {worst} m");
 }
 
 #[test]
