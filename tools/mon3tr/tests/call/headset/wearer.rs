@@ -211,6 +211,9 @@ fn a_wearers_head_and_wrists_are_where_the_script_put_them_in_the_motion_that_ot
         assert!(worst.iter().all(|error| *error <= WRISTS), "{worst:?} m");
         ada.ask_to_end();
         let report = ada.report();
-        assert!(report["sent"]["sent"].as_u64() >= Some(u64::from(STAYS)), "{report:#}");
+        assert!(
+            report["sent"]["sent"].as_u64() >= Some(u64::from(STAYS)),
+            "{report:#}"
+        );
     });
 }
