@@ -20,6 +20,10 @@ const WRIST: usize = 1;
 const NEAR: f32 = 0.03;
 
 fn pose(told: &Value) -> Option<Affine3A> {
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "they were single precision before they were told"
+    )]
     let floats = |value: &Value| numbers(value).iter().map(|v| *v as f32).collect::<Vec<_>>();
     let place = told.get("position")?;
     let turn = <[f32; 4]>::try_from(floats(&told["rotation"])).ok()?;

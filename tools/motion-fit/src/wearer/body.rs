@@ -3,7 +3,7 @@
 //! Limbs count by their direction, for the avatar's are not as long as the wearer's. Turns are read against the wearer's own T-pose, for
 //! runtimes give joints axes of their own.
 
-use super::sample::{HAND_JOINTS, WEARER_JOINTS, WearerBody};
+use super::sample::{HAND_JOINTS, WearerBody};
 use super::space::Space;
 use crate::body::chain::Attachment;
 use crate::body::terms::Term;
@@ -304,5 +304,3 @@ fn vector(v: DVec3) -> Vector3<f64> {
 fn turn(q: DQuat) -> UnitQuaternion<f64> {
     UnitQuaternion::new_normalize(nalgebra::Quaternion::new(q.w, q.x, q.y, q.z))
 }
-
-const _: () = assert!(BALL[1] < WEARER_JOINTS);

@@ -40,6 +40,7 @@ mod table;
 mod tests;
 mod trackers;
 mod vendor;
+mod watched;
 mod world;
 
 use std::cell::Cell;

@@ -1,7 +1,7 @@
 //! The functions of the extensions that watch the wearer: body, face, eyes.
 
+use openxr::Posef;
 use openxr::sys::{self, Handle, Result as XrResult};
-use openxr::{Posef, SpaceLocationFlags};
 
 use super::call;
 use super::pointers::{change, give, read, read_all};
@@ -9,46 +9,6 @@ use super::world::World;
 use crate::pose::{posef, rigid};
 
 const OK: XrResult = XrResult::SUCCESS;
-
-/// What the runtime tells of the wearer, given the extension and the headset. Poses are in the room.
-#[derive(Debug, Clone)]
-pub(crate) struct Watched {
-    pub(crate) body_active: bool,
-    pub(crate) body_confidence: f32,
-    /// In the order of `XrFullBodyJointMETA`.
-    pub(crate) body: [sys::BodyJointLocationFB; 84],
-    /// The same in T-pose, and how often it changed.
-    pub(crate) skeleton: [Posef; 84],
-    pub(crate) skeleton_changes: u32,
-    pub(crate) face_valid: bool,
-    pub(crate) face_eyes_valid: bool,
-    pub(crate) face_source: sys::FaceTrackingDataSource2FB,
-    pub(crate) face: [f32; 70],
-    pub(crate) face_confidences: [f32; 2],
-    /// Left, right; each with its confidence, if it is valid.
-    pub(crate) gazes: [Option<(Posef, f32)>; 2],
-}
-
-impl Default for Watched {
-    fn default() -> Self {
-        Self {
-            body_active: false,
-            body_confidence: 0.0,
-            body: [sys::BodyJointLocationFB {
-                location_flags: SpaceLocationFlags::EMPTY,
-                pose: Posef::IDENTITY,
-            }; 84],
-            skeleton: [Posef::IDENTITY; 84],
-            skeleton_changes: 0,
-            face_valid: false,
-            face_eyes_valid: false,
-            face_source: sys::FaceTrackingDataSource2FB::VISUAL,
-            face: [0.0; 70],
-            face_confidences: [0.0; 2],
-            gazes: [None; 2],
-        }
-    }
-}
 
 /// A pose of the room in the space; what is no pose stays what it is.
 fn in_space(world: &World, space: sys::Space, pose: &Posef) -> Posef {

@@ -12,7 +12,7 @@ use openxr::{
 
 use super::device::{Images, Loader, SessionDevice};
 use super::pointers;
-use super::trackers::Watched;
+use super::watched::Watched;
 use crate::pose::rigid;
 
 /// The state of a source of input. A missing one is not active.
