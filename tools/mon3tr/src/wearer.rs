@@ -15,6 +15,9 @@ use std::time::{Duration, Instant};
 /// From one motion to the next, at least, with room for frames that come a little early.
 const SHORTEST: Duration = Duration::from_millis(24);
 
+/// A mouth that cameras are this sure of is taken as it is.
+const SURE: f32 = 0.5;
+
 /// Between two looks whether the headset has anything.
 const LOOK: Duration = Duration::from_millis(200);
 
@@ -110,7 +113,7 @@ fn face(face: &Face) -> WearerFace {
         weights: face.weights,
         // The extension tells how sure cameras are. A face that was heard is valid or not there.
         confidence: match face.source {
-            FaceSource::Seen => mouth,
+            FaceSource::Seen => (mouth / SURE).min(1.0),
             FaceSource::Heard => 1.0,
         },
         eyes_look: face.eyes_look,
@@ -121,6 +124,8 @@ fn face(face: &Face) -> WearerFace {
 mod tests {
     use super::*;
     use glam::{Affine3A, Vec3};
+    use renderer_openxr::ext::body_tracking::BodyJoint;
+    use renderer_openxr::ext::eye_tracking::Gaze;
     use spmm3::{ExpressionPreset, Joint};
     use synthetic_person::Puppet;
 
@@ -168,6 +173,53 @@ mod tests {
     }
 
     #[test]
+    fn body_and_gaze_reach_the_fit_as_the_headset_gave_them() {
+        let mut body = Body {
+            confidence: 0.75,
+            joints: [None; 84],
+            t_pose: [None; 84],
+        };
+        let at = |x: f32| Affine3A::from_translation(Vec3::X * x);
+        body.joints[71] = Some(BodyJoint {
+            floor_from_joint: at(71.0),
+            tracked: true,
+        });
+        body.t_pose[5] = Some(at(5.0));
+        let gaze = Gaze {
+            floor_from_eye: at(0.5),
+            confidence: 0.25,
+        };
+        let sample = sample(&Wearer {
+            at: Instant::now(),
+            seconds: 2.5,
+            floor_from_view: None,
+            hands: Default::default(),
+            body: Some(body),
+            face: None,
+            gazes: [None, Some(gaze)],
+            origin: 3,
+        });
+        let body = sample.body.expect("a body");
+        let joint = body.joints[71].expect("a knee");
+        assert_eq!(
+            (joint.floor_from_joint, joint.tracked),
+            (at(71.0), true),
+            "it"
+        );
+        assert_eq!(body.joints.iter().flatten().count(), 1, "no other");
+        assert_eq!(body.t_pose[5], Some(at(5.0)), "the T-pose");
+        assert_eq!(body.confidence, 0.75, "how sure");
+        let [left, right] = sample.gazes;
+        let right = right.expect("a gaze");
+        assert_eq!(
+            (left, right.floor_from_eye),
+            (None, at(0.5)),
+            "the right eye"
+        );
+        assert_eq!((right.confidence, sample.origin), (0.25, 3), "the rest");
+    }
+
+    #[test]
     fn a_face_that_is_seen_or_heard_is_the_avatars_and_how_sure_it_is_goes_with_it() {
         let skeleton = Puppet::small().skeleton;
         let mut coefficients = [0.0; spmm3::EXPRESSION];
@@ -206,7 +258,9 @@ mod tests {
         };
         assert_eq!(smiles(None), (0.0, None), "not tracked: the voice's");
         let seen = smiles(Some((0.7, FaceSource::Seen)));
-        assert_eq!(seen, (1.0, Some(0.7)), "seen");
+        assert_eq!(seen, (1.0, Some(1.0)), "seen: no lips by the voice");
+        let seen = smiles(Some((0.2, FaceSource::Seen)));
+        assert_eq!(seen, (1.0, Some(0.4)), "hardly seen");
         let heard = smiles(Some((0.0, FaceSource::Heard)));
         assert_eq!(heard, (1.0, Some(1.0)), "heard");
     }

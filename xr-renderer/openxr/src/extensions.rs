@@ -52,6 +52,11 @@ const OPTIONAL: &[Wanted] = &[
         meta_body_tracking_full_body,
         "XR_FB_body_tracking"
     ),
+    wanted!(
+        "XR_META_body_tracking_fidelity",
+        meta_body_tracking_fidelity,
+        "XR_FB_body_tracking"
+    ),
     wanted!("XR_FB_face_tracking2", fb_face_tracking2),
     wanted!("XR_FB_eye_tracking_social", fb_eye_tracking_social),
     wanted!("XR_FB_passthrough", fb_passthrough),

@@ -6,7 +6,7 @@ use glam::Affine3A;
 use openxr::sys::{self, Handle as _};
 use openxr::{Instance, Posef, Session, Space, SpaceLocationFlags, SystemId, Time, Vulkan, raw};
 
-use super::{Absent, ask_system, outcome, refused, share};
+use super::{Absent, ask_system, body_fidelity, outcome, refused, share};
 use crate::pose::{is_known, rigid};
 
 const EXTENSION: &str = "XR_FB_body_tracking";
@@ -83,9 +83,13 @@ impl BodyTracking {
         // A runtime may have legs in general, and not now.
         if full && create(sys::BodyJointSetFB::FULL_BODY_M).is_ok() {
             this.joints = BODY_JOINTS;
-            return Ok(this);
+        } else {
+            create(sys::BodyJointSetFB::DEFAULT).map_err(refused("xrCreateBodyTrackerFB"))?;
         }
-        create(sys::BodyJointSetFB::DEFAULT).map_err(refused("xrCreateBodyTrackerFB"))?;
+        // SAFETY: it was just made.
+        if let Err(why) = unsafe { body_fidelity::ask_for_high(instance, system, this.tracker) } {
+            log::debug!("the body is tracked as the runtime likes: {why}");
+        }
         Ok(this)
     }
 

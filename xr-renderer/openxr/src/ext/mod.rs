@@ -3,6 +3,7 @@
 //! A constructor returns the extension's object or why there is none ([`Absent`]); the caller goes on without. Nothing here ends a
 //! session: a lost runtime is reported by the calls that need it.
 
+mod body_fidelity;
 pub mod body_tracking;
 pub mod depth;
 pub mod eye_tracking;

@@ -103,6 +103,7 @@ impl FakeRuntime {
             world.system.foveation_around_gaze = true;
             world.system.body_tracking = true;
             world.system.full_body = true;
+            world.system.body_fidelity = true;
             world.system.face_seen = true;
             world.system.face_heard = true;
             world.system.eye_tracking = true;

@@ -16,6 +16,7 @@ pub(super) const EXTENSIONS: &[&str] = &[
     HANDS,
     BODY,
     "XR_META_body_tracking_full_body",
+    FIDELITY,
     FACE,
     EYES,
     PASSTHROUGH,
@@ -32,6 +33,7 @@ const CORE_VULKAN: &str = super::REQUIRED;
 const TIMESPEC: &str = "XR_KHR_convert_timespec_time";
 const HANDS: &str = "XR_EXT_hand_tracking";
 const BODY: &str = "XR_FB_body_tracking";
+const FIDELITY: &str = "XR_META_body_tracking_fidelity";
 const FACE: &str = "XR_FB_face_tracking2";
 const EYES: &str = "XR_FB_eye_tracking_social";
 const PASSTHROUGH: &str = "XR_FB_passthrough";
@@ -305,6 +307,13 @@ fn wearer(name: &str) -> Option<(&'static str, pfn::VoidFunction)> {
         "xrGetBodySkeletonFB" => (
             BODY,
             function!(pfn::GetBodySkeletonFB, it::get_body_skeleton),
+        ),
+        "xrRequestBodyTrackingFidelityMETA" => (
+            FIDELITY,
+            function!(
+                pfn::RequestBodyTrackingFidelityMETA,
+                it::request_body_fidelity
+            ),
         ),
         "xrCreateFaceTracker2FB" => (
             FACE,

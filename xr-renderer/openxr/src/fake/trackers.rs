@@ -19,7 +19,7 @@ fn in_space(world: &World, space: sys::Space, pose: &Posef) -> Posef {
     }
 }
 
-// XR_FB_body_tracking, XR_META_body_tracking_full_body.
+// XR_FB_body_tracking, XR_META_body_tracking_full_body, XR_META_body_tracking_fidelity.
 
 pub(super) unsafe extern "system" fn create_body_tracker(
     session: sys::Session,
@@ -111,6 +111,14 @@ pub(super) unsafe extern "system" fn get_body_skeleton(
         }
         OK
     })
+}
+
+pub(super) unsafe extern "system" fn request_body_fidelity(
+    tracker: sys::BodyTrackerFB,
+    fidelity: sys::BodyTrackingFidelityMETA,
+) -> XrResult {
+    let said = format!("{fidelity:?}");
+    call(tracker, "xrRequestBodyTrackingFidelityMETA", said, |_| OK)
 }
 
 // XR_FB_face_tracking2.

@@ -37,6 +37,14 @@ pub(super) fn fill_system(world: &World, ty: StructureType, at: *mut c_void) {
                 |to| to.supports_full_body_tracking = system.full_body.into(),
             );
         }
+        StructureType::SYSTEM_PROPERTIES_BODY_TRACKING_FIDELITY_META
+            if has("XR_META_body_tracking_fidelity") =>
+        {
+            change(
+                at.cast::<sys::SystemPropertiesBodyTrackingFidelityMETA>(),
+                |to| to.supports_body_tracking_fidelity = system.body_fidelity.into(),
+            );
+        }
         StructureType::SYSTEM_FACE_TRACKING_PROPERTIES2_FB if has("XR_FB_face_tracking2") => {
             change(at.cast::<sys::SystemFaceTrackingProperties2FB>(), |to| {
                 to.supports_visual_face_tracking = system.face_seen.into();

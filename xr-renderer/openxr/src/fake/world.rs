@@ -35,6 +35,7 @@ pub(crate) struct System {
     pub(crate) foveation_around_gaze: bool,
     pub(crate) body_tracking: bool,
     pub(crate) full_body: bool,
+    pub(crate) body_fidelity: bool,
     pub(crate) face_seen: bool,
     pub(crate) face_heard: bool,
     pub(crate) eye_tracking: bool,

@@ -315,6 +315,25 @@ fn legs_are_there_only_where_runtime_and_headset_have_them() {
 }
 
 #[test]
+fn the_better_tracking_of_a_body_is_asked_for_and_is_no_condition() {
+    let name = "xrRequestBodyTrackingFidelityMETA";
+    let asked = |scene: &mut Scene| {
+        assert!(scene.locate().body.is_some(), "a body in any case");
+        scene.locate();
+        scene.fake.calls(name)
+    };
+    assert_eq!(asked(&mut Scene::new()), ["HIGH"], "once");
+    let mut without = Scene::with(|world| world.system.body_fidelity = false);
+    assert!(asked(&mut without).is_empty(), "no choice");
+    let extension = "XR_META_body_tracking_fidelity";
+    let mut without = Scene::with(|world| world.extensions.retain(|one| *one != extension));
+    assert!(asked(&mut without).is_empty(), "no extension");
+    let mut refused = Scene::new();
+    refused.fake.fail(name, XrResult::ERROR_FEATURE_UNSUPPORTED);
+    assert_eq!(asked(&mut refused), ["HIGH"], "refused");
+}
+
+#[test]
 fn the_t_pose_is_asked_for_again_when_it_changed() {
     let mut scene = Scene::new();
     let asked = |scene: &Scene| scene.fake.calls("xrGetBodySkeletonFB").len();
