@@ -137,6 +137,9 @@ fn features_are_those_of_quest_and_only_what_is_needed_is_required() {
             ("android.hardware.vr.headtracking", "true", "1"),
             ("android.hardware.vulkan.version", "true", "0x401000"),
             ("com.oculus.feature.PASSTHROUGH", "false", ""),
+            ("com.oculus.software.body_tracking", "false", ""),
+            ("oculus.software.eye_tracking", "false", ""),
+            ("oculus.software.face_tracking", "false", ""),
             ("oculus.software.handtracking", "false", ""),
         ]),
         "Pro and 2 are allowed"

@@ -10,3 +10,4 @@ mod pictures;
 mod program;
 mod stereo;
 mod studio;
+mod wearer;

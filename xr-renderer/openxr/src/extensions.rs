@@ -46,6 +46,19 @@ const OPTIONAL: &[Wanted] = &[
         khr_composition_layer_depth
     ),
     wanted!("XR_EXT_hand_tracking", ext_hand_tracking),
+    wanted!("XR_FB_body_tracking", fb_body_tracking),
+    wanted!(
+        "XR_META_body_tracking_full_body",
+        meta_body_tracking_full_body,
+        "XR_FB_body_tracking"
+    ),
+    wanted!(
+        "XR_META_body_tracking_fidelity",
+        meta_body_tracking_fidelity,
+        "XR_FB_body_tracking"
+    ),
+    wanted!("XR_FB_face_tracking2", fb_face_tracking2),
+    wanted!("XR_FB_eye_tracking_social", fb_eye_tracking_social),
     wanted!("XR_FB_passthrough", fb_passthrough),
     wanted!("XR_FB_display_refresh_rate", fb_display_refresh_rate),
     wanted!("XR_FB_swapchain_update_state", fb_swapchain_update_state),

@@ -31,7 +31,7 @@ use crate::layers::{FrameLayers, PlacedPanel};
 use crate::panel::{Panel, PanelImage};
 use crate::space::{Floor, FloorSpace};
 use crate::state::{Lifecycle, SessionAction, SessionState};
-use crate::wearer::{Wearer, WearerHead};
+use crate::wearer::{Wearer, WearerTrackers};
 
 /// The options of a session.
 #[derive(Debug, Clone, Copy)]
@@ -78,7 +78,7 @@ pub struct Session {
     panel: Option<(Panel, PlacedPanel)>,
     room: Option<Passthrough>,
     input: Input,
-    wearer: WearerHead,
+    wearer: WearerTrackers,
     refresh: Option<RefreshRate>,
     depth: Option<DepthRange>,
     space: FloorSpace,
@@ -161,7 +161,7 @@ impl Session {
             space: FloorSpace::new(&session, enabled.ext_local_floor)?,
             clock: XrClock::new(enabled.khr_convert_timespec_time),
             input: Input::new(&session, headset.system)?,
-            wearer: WearerHead::new(&session)?,
+            wearer: WearerTrackers::new(&session, headset.system)?,
             refresh: or_without(
                 "a choice of rates",
                 match options.display_hz {
@@ -355,12 +355,12 @@ impl Session {
         self.input.sync(frame.time, &self.space.floor)
     }
 
-    /// Where the wearer's head and hands are now, or, of a runtime that does not tell its time, when the frame is displayed. After
+    /// Where the wearer's head, hands and body are now, and what their face does, or, of a runtime that does not tell its time, when the frame is displayed. After
     /// [`Self::controls`] of the same frame.
     ///
     /// # Errors
     /// [`XrError::Lost`], or a call that fails.
-    pub fn wearer(&self, frame: &Frame) -> Result<Wearer, XrError> {
+    pub fn wearer(&mut self, frame: &Frame) -> Result<Wearer, XrError> {
         let now = self.clock.both_clocks(&self.instance);
         let now = now.unwrap_or((frame.predicted, frame.time));
         let floor = &self.space.floor;

@@ -1,13 +1,19 @@
-//! Where the wearer's own head and hands are, for whoever captures their motion.
+//! Where the wearer's own head, hands and body are, and what their face does, for whoever captures their motion.
+//!
+//! Trackers of body, face and eyes start with the first question: who never asks does not have the wearer watched.
 //!
 //! The time is the present one where the runtime tells its clock: no prediction is in it. Whom the motion drives is not known here.
 
 use std::time::Instant;
 
 use glam::Affine3A;
-use openxr::{Posef, ReferenceSpaceType, Session, Space, Time, Vulkan};
+use openxr::{Posef, ReferenceSpaceType, Session, Space, SystemId, Time, Vulkan};
 
 use crate::error::{XrContext, XrError};
+use crate::ext::OnFirstUse;
+use crate::ext::body_tracking::{Body, BodyTracking};
+use crate::ext::eye_tracking::{EyeTracking, Gaze};
+use crate::ext::face_tracking::{Face, FaceTracking};
 use crate::ext::hand_tracking::HandJointPoses;
 use crate::pose::base_from_space;
 
@@ -31,22 +37,41 @@ pub struct Wearer {
     pub floor_from_view: Option<Affine3A>,
     /// Left, right.
     pub hands: [WearerHand; 2],
+    /// The body's joints, where the headset tracks them.
+    pub body: Option<Body>,
+    /// The face's expressions, where the headset tracks them.
+    pub face: Option<Face>,
+    /// Left, right: where the eyes look, where the headset tracks them.
+    pub gazes: [Option<Gaze>; 2],
     /// How often floor space was moved (recentred) so far.
     pub origin: u32,
 }
 
-/// What locates the wearer's head.
-pub(crate) struct WearerHead {
+/// What watches the wearer, but for their hands.
+pub(crate) struct WearerTrackers {
+    session: Session<Vulkan>,
+    system: SystemId,
     view: Space,
+    body: OnFirstUse<BodyTracking>,
+    face: OnFirstUse<FaceTracking>,
+    eyes: OnFirstUse<EyeTracking>,
     origin: u32,
 }
 
-impl WearerHead {
-    pub(crate) fn new(session: &Session<Vulkan>) -> Result<Self, XrError> {
+impl WearerTrackers {
+    pub(crate) fn new(session: &Session<Vulkan>, system: SystemId) -> Result<Self, XrError> {
         let view = session
             .create_reference_space(ReferenceSpaceType::VIEW, Posef::IDENTITY)
             .during("xrCreateReferenceSpace")?;
-        Ok(Self { view, origin: 0 })
+        Ok(Self {
+            session: session.clone(),
+            system,
+            view,
+            body: OnFirstUse::new("the wearer's body"),
+            face: OnFirstUse::new("the wearer's face"),
+            eyes: OnFirstUse::new("the wearer's gaze"),
+            origin: 0,
+        })
     }
 
     /// Floor space was moved.
@@ -56,17 +81,39 @@ impl WearerHead {
 
     /// The wearer whose hands are `hands` at that time.
     pub(crate) fn locate(
-        &self,
+        &mut self,
         floor: &Space,
         (at, time): (Instant, Time),
         hands: [WearerHand; 2],
     ) -> Result<Wearer, XrError> {
+        let (session, system) = (&self.session, self.system);
+        let body = self.body.read(
+            at,
+            || BodyTracking::new(session, system),
+            |body| body.locate(floor, time),
+        );
+        let face = self.face.read(
+            at,
+            || FaceTracking::new(session, system),
+            |face| face.read(time),
+        );
+        let gazes = self.eyes.read(
+            at,
+            || EyeTracking::new(session, system),
+            |eyes| eyes.read(floor, time).map(Some),
+        );
         Ok(Wearer {
             at,
             seconds: time.as_nanos() as f64 * 1e-9,
             floor_from_view: base_from_space(floor, &self.view, time).during("xrLocateSpace")?,
             hands,
+            body,
+            face,
+            gazes: gazes.unwrap_or_default(),
             origin: self.origin,
         })
     }
 }
+
+#[cfg(test)]
+mod tests;

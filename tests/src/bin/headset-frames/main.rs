@@ -29,7 +29,7 @@ use serde_json::{Value, json};
 
 use failure::Failure;
 use options::Options;
-use steering::{Command, Steering, camera_json, controls_json};
+use steering::{Command, Steering, camera_json, controls_json, wearer_json};
 
 /// Longer than any test runs: a program that no test ends ends itself.
 const LIFE: Duration = Duration::from_secs(240);
@@ -199,6 +199,10 @@ impl Program {
         };
         let command = self.steering.as_mut().and_then(Steering::next);
         let reads = matches!(command, Some(Command::Read(_)));
+        let wearer = match &command {
+            Some(_) => wearer_json(&session.wearer(&frame)?),
+            None => Value::Null,
+        };
         let mut canvas = session.canvas(&eyes, self.options.surround, reads)?;
         let parts = [Part::here(Foreground::Set)];
         renderer.draw_onto(&Drawing::new(&eyes.cameras, &parts), &mut canvas)?;
@@ -223,6 +227,7 @@ impl Program {
                 "head": { "rotation": turn, "position": place },
                 "eyes": eyes.cameras.map(|camera| camera_json(&camera)),
                 "controls": controls_json(&controls),
+                "wearer": wearer,
                 "overlay_toggles": self.overlay_toggles,
                 "back_end": renderer.back_end().to_string(),
                 "way": session.render_path().map(|way| way.to_string()),

@@ -7,6 +7,7 @@ use std::thread;
 
 use glam::{Affine3A, Quat, Vec3};
 use renderer_openxr::input::{Controls, Hand};
+use renderer_openxr::wearer::Wearer;
 use renderer_splat::camera::Camera;
 use serde_json::{Value, json};
 
@@ -104,22 +105,38 @@ pub(crate) fn camera_json(camera: &Camera) -> Value {
     })
 }
 
+/// A pose as numbers.
+fn pose_json(pose: Option<Affine3A>) -> Value {
+    let pose = pose.map(|pose| {
+        json!({
+            "rotation": Quat::from_mat3a(&pose.matrix3).to_array(),
+            "position": Vec3::from(pose.translation).to_array(),
+        })
+    });
+    pose.unwrap_or_default()
+}
+
 /// Both hands as numbers.
 pub(crate) fn controls_json(controls: &Controls) -> Value {
-    let pose = |pose: Option<Affine3A>| {
-        pose.map(|pose| {
-            json!({
-                "rotation": Quat::from_mat3a(&pose.matrix3).to_array(),
-                "position": Vec3::from(pose.translation).to_array(),
-            })
-        })
-    };
     let hand = |hand: Hand| {
         json!({
-            "grip": pose(hand.floor_from_grip),
-            "aim": pose(hand.floor_from_aim),
+            "grip": pose_json(hand.floor_from_grip),
+            "aim": pose_json(hand.floor_from_aim),
             "holds": hand.holds,
         })
     };
     json!(controls.hands.map(hand))
+}
+
+/// The wearer's head and hands as numbers.
+pub(crate) fn wearer_json(wearer: &Wearer) -> Value {
+    let hands = wearer.hands.iter().map(|hand| {
+        let joints = hand.joints.map(|joints| joints.map(pose_json).to_vec());
+        json!({ "joints": joints, "grip": pose_json(hand.floor_from_grip) })
+    });
+    json!({
+        "seconds": wearer.seconds,
+        "view": pose_json(wearer.floor_from_view),
+        "hands": hands.collect::<Vec<_>>(),
+    })
 }

@@ -357,7 +357,8 @@ impl Performer {
     ) -> anyhow::Result<Self> {
         let voice = options.voice.open()?;
         let (avatar, _) = load_avatar(avatar)?;
-        let capture = WearerCapture::new(slot, &avatar.skeleton, stance);
+        let face = (&avatar.expression_basis, &avatar.expressions);
+        let capture = WearerCapture::new(slot, &avatar.skeleton, face, stance);
         Ok(Self {
             motion: Motion::Wearer(Box::new(capture)),
             name: "the headset's wearer".to_owned(),

@@ -48,7 +48,12 @@ pub(crate) fn begin_steered(
 }
 
 /// The folder of what `name` keeps, and the arguments of their call, which says `voice` and writes what is heard.
-fn prepare(house: &House, name: &str, voice: &[f32], arguments: &[&str]) -> (PathBuf, Vec<String>) {
+pub(crate) fn prepare(
+    house: &House,
+    name: &str,
+    voice: &[f32],
+    arguments: &[&str],
+) -> (PathBuf, Vec<String>) {
     let [said, heard] = ["said", "heard"].map(|what| house.path(&format!("{what}-{name}.wav")));
     write_wav(&said, link_voice::RATE, voice);
     let (avatar, json) = (house.avatar.to_string_lossy(), house.new_report());

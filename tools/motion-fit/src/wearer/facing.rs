@@ -1,4 +1,4 @@
-//! Where the hips face, which nothing measures: after the head and the hands, but slowly, and not with every look aside.
+//! Where the hips face, which nothing but a tracked body measures: after the head and the hands, but slowly, and not with every look aside.
 
 use super::{ahead, wrapped};
 use glam::DVec3;
@@ -35,6 +35,11 @@ impl Facing {
     /// Along the floor, m/s.
     pub(super) fn velocity(&self) -> DVec3 {
         self.velocity
+    }
+
+    /// The hips' heading is measured, and counts as `share` (0..=1).
+    pub(super) fn know(&mut self, yaw: f64, share: f64) {
+        self.yaw = wrapped(self.yaw + share * wrapped(yaw - self.yaw));
     }
 
     /// Follows a head that is at `head` and turned to `heading`, and wrists where they are known, `seconds` after the last time.

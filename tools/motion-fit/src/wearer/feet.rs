@@ -1,4 +1,4 @@
-//! Feet that nobody measures: they stand where they are until the person has left them behind, and then step.
+//! Feet that nothing measures: they stand where they are until the person has left them behind, and then step.
 
 use super::{ahead, wrapped};
 use glam::DVec3;
@@ -50,6 +50,12 @@ impl Feet {
             swings: [None; 2],
             last: 1,
         }
+    }
+
+    /// Feet that were seen there stand there.
+    pub(super) fn put(&mut self, spots: [Spot; 2]) {
+        self.spots = spots;
+        self.swings = [None; 2];
     }
 
     /// Whether a foot is in the air.

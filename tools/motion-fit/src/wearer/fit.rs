@@ -1,5 +1,6 @@
 //! The wearer's motion: goals for eyes, wrists, hips and soles, and the solver that bends the avatar's skeleton to them.
 
+use super::body::{BodyFollower, BodyReader};
 use super::facing::Facing;
 use super::feet::{Feet, Spot, at_rest};
 use super::hands::{Goal, Hand};
@@ -77,6 +78,7 @@ pub struct WearerFit {
     half_sole: f64,
     thigh: f64,
     hands: [Hand; 2],
+    reader: BodyReader,
     state: Option<State>,
     shown: Option<WearerMotion>,
 }
@@ -87,10 +89,18 @@ struct State {
     space: Space,
     facing: Facing,
     feet: Feet,
+    body: BodyFollower,
     posture: Posture,
     placed: Placed,
     /// Of one who sits: where the chair is, and the hips' height, metres.
     chair: DVec3,
+}
+
+/// How much is left to suppose, 0..=1: 0 where the tracked body tells it.
+#[derive(Debug, Clone, Copy)]
+struct Open {
+    hips: f64,
+    feet: f64,
 }
 
 impl WearerFit {
@@ -122,6 +132,7 @@ impl WearerFit {
             half_sole: (sole(1) - sole(0)).length() / 2.0,
             thigh: (rest(Joint::LeftKnee) - rest(Joint::LeftHip)).length(),
             hands: Side::BOTH.map(|side| Hand::new(HandFit::new(skeleton, side), side)),
+            reader: BodyReader::new(skeleton),
             state: None,
             shown: None,
         }
@@ -139,27 +150,51 @@ impl WearerFit {
             Some(state) if state.space.holds(sample) => state,
             _ => self.begin(sample, &view),
         };
+        let first = self.shown.is_none();
         let seconds = (sample.seconds - state.seconds).clamp(0.0, PAUSE);
         state.seconds = sample.seconds;
-        let first = self.shown.is_none();
         if self.stance == Stance::Standing {
             let height = f64::from(view.translation.y);
             state.space.stretch(height, self.eye_height, seconds);
         }
         let head = state.space.head(&view);
-        let measured =
-            [0, 1].map(|side| self.hands[side].measure(&sample.hands[side], &state.space));
+        let body = (sample.body.as_ref()).and_then(|body| self.reader.measure(body, &state.space));
+        let measured = Side::BOTH.map(|side| {
+            let at_body = body.as_ref().and_then(|body| body.hand(side));
+            let index = side.index();
+            self.hands[index].measure(&sample.hands[index], at_body, &state.space)
+        });
+        state.body.follow(body, seconds, first);
         let wrists = measured.map(|hand| hand.map(|hand| hand.wrist));
         let turned = heading(head.rotation);
         state.facing.follow(head.position, turned, wrists, seconds);
+        let mut below = self.hips_below(&head, turned, state.facing.yaw());
+        // What the body tells of hips and feet takes the place of what is supposed of them.
+        let (mut hips_open, mut feet_open) = (1.0, 1.0);
+        if let Some((body, share)) = state.body.body() {
+            if let Some(yaw) = body.yaw() {
+                state.facing.know(yaw, share);
+            }
+            if let Some(hips) = body.hips() {
+                below = below.lerp(DVec3::new(hips.x, below.y, hips.z), share);
+                hips_open = 1.0 - share;
+            }
+            if body.has_legs() {
+                feet_open = 1.0 - share;
+            }
+        }
         let yaw = state.facing.yaw();
         self.solver.terms.clear();
         self.aim_head(&head);
-        let below = self.hips_below(&head, turned, yaw);
+        let open = Open {
+            hips: hips_open,
+            feet: feet_open,
+        };
         match self.stance {
-            Stance::Standing => self.aim_standing(&mut state, below, seconds),
-            Stance::Seated => self.aim_seated(&mut state, &head, below, seconds),
+            Stance::Standing => self.aim_standing(&mut state, below, open, seconds),
+            Stance::Seated => self.aim_seated(&mut state, &head, below, open, seconds),
         }
+        state.body.aim(&mut self.solver.terms);
         let hips = (DVec3::new(below.x, self.pelvis.y, below.z), yaw);
         for (side, measured) in Side::BOTH.into_iter().zip(measured) {
             let wrist = Attachment::centre(side.wrist());
@@ -176,6 +211,10 @@ impl WearerFit {
         let left = vector(head.position) - state.placed.point(&self.eyes);
         state.posture.position += left;
         state.placed = self.solver.chain().place(&state.posture);
+        if open.feet < 0.5 {
+            // Feet that are lost go on from where they were.
+            state.feet.put(self.spots(&state.placed));
+        }
         let shown = WearerMotion {
             motion: self.motion(&state.posture),
             scale: state.space.scale(),
@@ -206,6 +245,7 @@ impl WearerFit {
             space,
             facing: Facing::default(),
             feet: Feet::new(at_rest(below, 0.0, self.beside, self.before)),
+            body: BodyFollower::default(),
             placed: self.solver.chain().place(&posture),
             posture,
             chair: DVec3::new(below.x, head.position.y - self.eyes_from_pelvis.y, below.z),
@@ -245,18 +285,25 @@ impl WearerFit {
         });
     }
 
-    fn aim_standing(&mut self, state: &mut State, below: DVec3, seconds: f64) {
+    fn aim_standing(&mut self, state: &mut State, below: DVec3, open: Open, seconds: f64) {
         let (yaw, velocity) = (state.facing.yaw(), state.facing.velocity());
         let rest = at_rest(below, yaw, self.beside, self.before);
         let feet = state.feet.step(rest, velocity, seconds);
-        self.aim_soles(&feet, BALL, HEEL);
+        self.aim_soles(&feet, BALL, HEEL, open.feet);
         let over = (feet[0].place + feet[1].place) / 2.0 - ahead(yaw) * self.before;
-        self.aim_hips(below, HIPS_BELOW, None);
-        self.aim_hips(over, HIPS_OVER, None);
-        self.aim_hips_turn(yaw);
+        self.aim_hips(below, HIPS_BELOW, None, open.hips);
+        self.aim_hips(over, HIPS_OVER, None, open.hips.min(open.feet));
+        self.aim_hips_turn(yaw, open.hips);
     }
 
-    fn aim_seated(&mut self, state: &mut State, head: &Pose, below: DVec3, seconds: f64) {
+    fn aim_seated(
+        &mut self,
+        state: &mut State,
+        head: &Pose,
+        below: DVec3,
+        open: Open,
+        seconds: f64,
+    ) {
         // One who sits up is as high as they get; one who leans is not.
         let height = head.position.y - self.eyes_from_pelvis.y;
         let share = 1.0 - (-seconds / CHAIR_SECONDS).exp();
@@ -267,13 +314,25 @@ impl WearerFit {
         state.chair += away - away.clamp_length_max(0.4);
         let knees = state.chair + ahead(yaw) * self.thigh;
         let feet = at_rest(knees, yaw, self.beside, 0.0);
-        self.aim_soles(&feet, SEATED_SOLE, SEATED_SOLE);
-        self.aim_hips(state.chair, CHAIR, Some(CHAIR));
-        self.aim_hips_turn(yaw);
+        self.aim_soles(&feet, SEATED_SOLE, SEATED_SOLE, open.feet);
+        self.aim_hips(state.chair, CHAIR, Some(CHAIR), open.hips);
+        self.aim_hips_turn(yaw, open.hips);
     }
 
-    fn aim_hips(&mut self, place: DVec3, along_floor: f64, height: Option<f64>) {
-        let square = |spread: f64| 1.0 / (spread * spread);
+    /// Where the avatar's feet are.
+    fn spots(&self, placed: &Placed) -> [Spot; 2] {
+        [0, 1].map(|foot: usize| {
+            let end = |k: usize| point(placed.point(&self.soles[2 * foot + k]));
+            let (heel, ball) = (end(0), end(1));
+            Spot {
+                place: ((heel + ball) / 2.0).with_y(0.0),
+                yaw: (ball.x - heel.x).atan2(ball.z - heel.z),
+            }
+        })
+    }
+
+    fn aim_hips(&mut self, place: DVec3, along_floor: f64, height: Option<f64>, open: f64) {
+        let square = |spread: f64| open / (spread * spread);
         let flat = square(along_floor);
         let information =
             Matrix3::from_diagonal(&Vector3::new(flat, height.map_or(0.0, square), flat));
@@ -283,8 +342,8 @@ impl WearerFit {
             .push(Term::at(hips, vector(place), information));
     }
 
-    fn aim_hips_turn(&mut self, yaw: f64) {
-        let square = |spread: f64| 1.0 / (spread * spread);
+    fn aim_hips_turn(&mut self, yaw: f64, open: f64) {
+        let square = |spread: f64| open / (spread * spread);
         let (tilt, about) = (square(HIPS_TILT), square(HIPS_YAW));
         self.solver.terms.push(Term::Orientation {
             joint: Joint::Pelvis,
@@ -294,13 +353,14 @@ impl WearerFit {
         });
     }
 
-    fn aim_soles(&mut self, feet: &[Spot; 2], ball: f64, heel: f64) {
+    fn aim_soles(&mut self, feet: &[Spot; 2], ball: f64, heel: f64, open: f64) {
         for (foot, spot) in feet.iter().enumerate() {
             let toes = ahead(spot.yaw) * self.half_sole;
             for (end, spread, aside) in [(0, heel, -toes), (1, ball, toes)] {
                 let place = vector(spot.place + aside);
                 let sole = self.soles[2 * foot + end];
-                self.solver.terms.push(Term::at(sole, place, sure(spread)));
+                let information = sure(spread) * open;
+                self.solver.terms.push(Term::at(sole, place, information));
             }
         }
     }

@@ -1,5 +1,6 @@
 //! One hand: where it is measured, or was a moment ago, and how its fingers are bent.
 
+use super::body::BodyHand;
 use super::space::Space;
 use super::{HandJoints, WearerHand};
 use crate::hands::{FINGER_JOINTS, HandFit, Side};
@@ -92,13 +93,18 @@ impl Hand {
         }
     }
 
-    /// What a sample says of it.
-    pub(super) fn measure(&self, hand: &WearerHand, space: &Space) -> Option<Measured> {
+    /// What a sample says of it: its joints before a controller's grip, and that before the tracked body.
+    pub(super) fn measure(
+        &self,
+        hand: &WearerHand,
+        body: Option<&BodyHand>,
+        space: &Space,
+    ) -> Option<Measured> {
         let bare = hand
             .joints
             .as_ref()
             .and_then(|joints| self.bare(joints, space));
-        bare.or_else(|| {
+        let held = || {
             let grip = space.pose(&finite(hand.floor_from_grip.as_ref())?);
             let turn = grip.rotation * grip_from_avatar(self.side);
             let fingers_along = match self.side {
@@ -110,6 +116,23 @@ impl Hand {
                 turn,
                 fingers: None,
             })
+        };
+        bare.or_else(held).or_else(|| self.of_body(body?))
+    }
+
+    fn of_body(&self, hand: &BodyHand) -> Option<Measured> {
+        let points = || -> Option<[DVec3; HAND_LANDMARKS]> {
+            let mut points = [DVec3::ZERO; HAND_LANDMARKS];
+            for (point, joint) in points.iter_mut().zip(LANDMARKS) {
+                *point = (*hand.points.get(joint)?)?;
+            }
+            Some(points)
+        };
+        let fitted = points().and_then(|points| self.fit.fit_points(&points));
+        Some(Measured {
+            wrist: hand.wrist,
+            turn: fitted.map(|(palm, _)| palm).or(hand.turn)?,
+            fingers: fitted.map(|(_, fingers)| fingers),
         })
     }
 

@@ -1,11 +1,15 @@
 //! The wearer of a headset: head and hands as `OpenXR` gives them become the motion of an avatar.
 //!
+//! A headset may track more: its body's joints bend the torso, arms and legs where they are sure, and its face and gaze are the avatar's.
+//!
 //! The skeleton is bent by the solver that cameras use: eyes and wrists are where they were measured, soles stand on the floor, and the
 //! rest is what recorded people do. No time passes between a sample and its motion: nothing is smoothed, for headsets smooth what they track.
 //!
 //! *Floor space* is the headset's: metres, y up, the floor at y = 0, a view looks along -z. *Motion space* is the avatar's: metres, y up,
 //! the floor at y = 0, and the person faces +z where the wearer began.
 
+mod body;
+mod expression;
 mod facing;
 mod feet;
 mod fit;
@@ -13,8 +17,12 @@ mod hands;
 mod sample;
 mod space;
 
+pub use expression::{ARKIT_OF_HEADSET, FACE_EXPRESSION_NAMES, WearerExpression};
 pub use fit::{Stance, WearerFit, WearerMotion};
-pub use sample::{HAND_JOINTS, HandJoints, WearerHand, WearerSample};
+pub use sample::{
+    FACE_EXPRESSIONS, HAND_JOINTS, HandJoints, WEARER_JOINTS, WearerBody, WearerFace, WearerGaze,
+    WearerHand, WearerJoint, WearerSample,
+};
 
 use glam::{DQuat, DVec3};
 

@@ -68,6 +68,11 @@ impl Space {
         self.turn.inverse() * (motion * self.scale) + self.origin
     }
 
+    /// A turn against floor space as one against motion space.
+    pub(super) fn turn(&self, floor: DQuat) -> DQuat {
+        self.turn * floor
+    }
+
     /// A thing of `OpenXR`, in its own axes.
     pub(super) fn pose(&self, floor_from_thing: &Affine3A) -> Pose {
         let thing = pose(floor_from_thing);

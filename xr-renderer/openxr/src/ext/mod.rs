@@ -3,9 +3,14 @@
 //! A constructor returns the extension's object or why there is none ([`Absent`]); the caller goes on without. Nothing here ends a
 //! session: a lost runtime is reported by the calls that need it.
 
+mod body_fidelity;
+pub mod body_tracking;
 pub mod depth;
+pub mod eye_tracking;
+pub mod face_tracking;
 pub mod foveation;
 pub mod hand_tracking;
+mod on_first_use;
 pub mod passthrough;
 pub mod performance;
 mod pinch;
@@ -18,6 +23,7 @@ use std::fmt;
 use openxr::sys;
 use openxr::{Instance, SystemId};
 
+pub(crate) use on_first_use::OnFirstUse;
 pub use rate_choice::FrameTiming;
 
 /// Why an optional extension is not available.
@@ -72,6 +78,15 @@ pub(crate) fn outcome(result: sys::Result) -> Result<sys::Result, sys::Result> {
         Ok(result)
     } else {
         Err(result)
+    }
+}
+
+/// A share of 1; 0 for what is no number.
+fn share(value: f32) -> f32 {
+    if value.is_finite() {
+        value.clamp(0.0, 1.0)
+    } else {
+        0.0
     }
 }
 

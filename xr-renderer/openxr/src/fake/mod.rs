@@ -38,7 +38,9 @@ mod session;
 mod swapchain;
 mod table;
 mod tests;
+mod trackers;
 mod vendor;
+mod watched;
 mod world;
 
 use std::cell::Cell;
@@ -99,6 +101,12 @@ impl FakeRuntime {
             world.system.hand_tracking = true;
             world.system.passthrough = true;
             world.system.foveation_around_gaze = true;
+            world.system.body_tracking = true;
+            world.system.full_body = true;
+            world.system.body_fidelity = true;
+            world.system.face_seen = true;
+            world.system.face_heard = true;
+            world.system.eye_tracking = true;
         });
         fake
     }

@@ -5,7 +5,7 @@ use std::ffi::c_char;
 use openxr::sys::{self, Handle, Result as XrResult, pfn};
 
 use super::pointers::{give, text};
-use super::{RUNTIMES, actions, locked, runtime, session, swapchain, vendor};
+use super::{RUNTIMES, actions, locked, runtime, session, swapchain, trackers, vendor};
 
 /// Every extension that this runtime can do.
 pub(super) const EXTENSIONS: &[&str] = &[
@@ -14,6 +14,11 @@ pub(super) const EXTENSIONS: &[&str] = &[
     "XR_EXT_local_floor",
     "XR_KHR_composition_layer_depth",
     HANDS,
+    BODY,
+    "XR_META_body_tracking_full_body",
+    FIDELITY,
+    FACE,
+    EYES,
     PASSTHROUGH,
     RATE,
     UPDATE,
@@ -27,6 +32,10 @@ pub(super) const EXTENSIONS: &[&str] = &[
 const CORE_VULKAN: &str = super::REQUIRED;
 const TIMESPEC: &str = "XR_KHR_convert_timespec_time";
 const HANDS: &str = "XR_EXT_hand_tracking";
+const BODY: &str = "XR_FB_body_tracking";
+const FIDELITY: &str = "XR_META_body_tracking_fidelity";
+const FACE: &str = "XR_FB_face_tracking2";
+const EYES: &str = "XR_FB_eye_tracking_social";
 const PASSTHROUGH: &str = "XR_FB_passthrough";
 const RATE: &str = "XR_FB_display_refresh_rate";
 const UPDATE: &str = "XR_FB_swapchain_update_state";
@@ -272,8 +281,64 @@ fn optional(name: &str) -> Option<(&'static str, Option<pfn::VoidFunction>)> {
             PERFORMANCE,
             function!(pfn::PerfSettingsSetPerformanceLevelEXT, it::set_performance),
         ),
-        name => (PASSTHROUGH, passthrough(name)),
+        name => match wearer(name) {
+            Some((of, it)) => (of, Some(it)),
+            None => (PASSTHROUGH, passthrough(name)),
+        },
     })
+}
+
+/// A function of what watches the wearer, with the extension.
+fn wearer(name: &str) -> Option<(&'static str, pfn::VoidFunction)> {
+    use trackers as it;
+    let (of, found) = match name {
+        "xrCreateBodyTrackerFB" => (
+            BODY,
+            function!(pfn::CreateBodyTrackerFB, it::create_body_tracker),
+        ),
+        "xrDestroyBodyTrackerFB" => (
+            BODY,
+            function!(pfn::DestroyBodyTrackerFB, it::destroy_body_tracker),
+        ),
+        "xrLocateBodyJointsFB" => (
+            BODY,
+            function!(pfn::LocateBodyJointsFB, it::locate_body_joints),
+        ),
+        "xrGetBodySkeletonFB" => (
+            BODY,
+            function!(pfn::GetBodySkeletonFB, it::get_body_skeleton),
+        ),
+        "xrRequestBodyTrackingFidelityMETA" => (
+            FIDELITY,
+            function!(
+                pfn::RequestBodyTrackingFidelityMETA,
+                it::request_body_fidelity
+            ),
+        ),
+        "xrCreateFaceTracker2FB" => (
+            FACE,
+            function!(pfn::CreateFaceTracker2FB, it::create_face_tracker),
+        ),
+        "xrDestroyFaceTracker2FB" => (
+            FACE,
+            function!(pfn::DestroyFaceTracker2FB, it::destroy_face_tracker),
+        ),
+        "xrGetFaceExpressionWeights2FB" => (
+            FACE,
+            function!(pfn::GetFaceExpressionWeights2FB, it::get_face_weights),
+        ),
+        "xrCreateEyeTrackerFB" => (
+            EYES,
+            function!(pfn::CreateEyeTrackerFB, it::create_eye_tracker),
+        ),
+        "xrDestroyEyeTrackerFB" => (
+            EYES,
+            function!(pfn::DestroyEyeTrackerFB, it::destroy_eye_tracker),
+        ),
+        "xrGetEyeGazesFB" => (EYES, function!(pfn::GetEyeGazesFB, it::get_eye_gazes)),
+        _ => return None,
+    };
+    Some((of, found?))
 }
 
 fn passthrough(name: &str) -> Option<pfn::VoidFunction> {

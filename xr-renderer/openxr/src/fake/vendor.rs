@@ -24,6 +24,38 @@ pub(super) fn fill_system(world: &World, ty: StructureType, at: *mut c_void) {
                 to.supports_hand_tracking = system.hand_tracking.into();
             });
         }
+        StructureType::SYSTEM_BODY_TRACKING_PROPERTIES_FB if has("XR_FB_body_tracking") => {
+            change(at.cast::<sys::SystemBodyTrackingPropertiesFB>(), |to| {
+                to.supports_body_tracking = system.body_tracking.into();
+            });
+        }
+        StructureType::SYSTEM_PROPERTIES_BODY_TRACKING_FULL_BODY_META
+            if has("XR_META_body_tracking_full_body") =>
+        {
+            change(
+                at.cast::<sys::SystemPropertiesBodyTrackingFullBodyMETA>(),
+                |to| to.supports_full_body_tracking = system.full_body.into(),
+            );
+        }
+        StructureType::SYSTEM_PROPERTIES_BODY_TRACKING_FIDELITY_META
+            if has("XR_META_body_tracking_fidelity") =>
+        {
+            change(
+                at.cast::<sys::SystemPropertiesBodyTrackingFidelityMETA>(),
+                |to| to.supports_body_tracking_fidelity = system.body_fidelity.into(),
+            );
+        }
+        StructureType::SYSTEM_FACE_TRACKING_PROPERTIES2_FB if has("XR_FB_face_tracking2") => {
+            change(at.cast::<sys::SystemFaceTrackingProperties2FB>(), |to| {
+                to.supports_visual_face_tracking = system.face_seen.into();
+                to.supports_audio_face_tracking = system.face_heard.into();
+            });
+        }
+        StructureType::SYSTEM_EYE_TRACKING_PROPERTIES_FB if has("XR_FB_eye_tracking_social") => {
+            change(at.cast::<sys::SystemEyeTrackingPropertiesFB>(), |to| {
+                to.supports_eye_tracking = system.eye_tracking.into();
+            });
+        }
         StructureType::SYSTEM_PASSTHROUGH_PROPERTIES_FB if has("XR_FB_passthrough") => {
             change(at.cast::<sys::SystemPassthroughPropertiesFB>(), |to| {
                 to.supports_passthrough = system.passthrough_of_old.into();

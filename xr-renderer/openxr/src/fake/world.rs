@@ -12,6 +12,7 @@ use openxr::{
 
 use super::device::{Images, Loader, SessionDevice};
 use super::pointers;
+use super::watched::Watched;
 use crate::pose::rigid;
 
 /// The state of a source of input. A missing one is not active.
@@ -32,6 +33,12 @@ pub(crate) struct System {
     /// Said in the boolean of version 1.
     pub(crate) passthrough_of_old: bool,
     pub(crate) foveation_around_gaze: bool,
+    pub(crate) body_tracking: bool,
+    pub(crate) full_body: bool,
+    pub(crate) body_fidelity: bool,
+    pub(crate) face_seen: bool,
+    pub(crate) face_heard: bool,
+    pub(crate) eye_tracking: bool,
 }
 
 /// A frame that was ended.
@@ -99,6 +106,8 @@ pub(crate) struct World {
     pub(crate) sources: HashMap<String, Source>,
     /// Where foveation is centred, if that is tracked.
     pub(crate) gaze_centres: Option<[[f32; 2]; 2]>,
+    /// What body, face and eyes do.
+    pub(crate) watched: Watched,
     /// Frames that were ended.
     pub(crate) frames: Vec<EndedFrame>,
     pub(super) events: VecDeque<pointers::Event>,
@@ -121,6 +130,7 @@ pub(crate) struct World {
     pub(super) attached: bool,
     pub(super) spaces: HashMap<u64, (Place, Affine3A)>,
     pub(super) swapchains: HashMap<u64, FakeSwapchain>,
+    /// Of hands which one, of bodies how many joints.
     pub(super) trackers: HashMap<u64, usize>,
     pub(super) loader: Option<Loader>,
     /// The Vulkan instance that was made last.
@@ -173,6 +183,7 @@ impl World {
             refused_profiles: Vec::new(),
             sources: HashMap::new(),
             gaze_centres: None,
+            watched: Watched::default(),
             frames: Vec::new(),
             events: VecDeque::new(),
             calls: Vec::new(),

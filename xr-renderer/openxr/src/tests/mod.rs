@@ -282,4 +282,8 @@ fn the_wearer_has_a_head_bare_hands_and_controllers_and_begins_anew_when_recentr
     let held = right.floor_from_grip.expect("a grip");
     assert!(held.abs_diff_eq(grip, 1e-5), "{held}");
     assert_eq!(right.joints, None, "fingers unknown");
+    assert_eq!((seen.body, seen.face), (None, None), "not active");
+    fake.set(|world| (world.watched.body_active, world.watched.face_valid) = (true, true));
+    let seen = wearer(&mut session);
+    assert!(seen.body.is_some() && seen.face.is_some(), "they are now");
 }

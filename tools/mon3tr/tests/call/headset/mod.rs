@@ -8,3 +8,4 @@ mod losses;
 mod people;
 mod sight;
 mod viewer;
+mod wearer;
