@@ -26,6 +26,7 @@ SOURCES = {
     "libdl": (*BIONIC, "libdl/libdl.map.txt"),
     "liblog": ("platform_system_core", "0391a879f7624d4671d7c304042155a1e32d0e7c", "liblog/liblog.map.txt"),
     "libandroid": ("platform_frameworks_base", "02d8919614b7920aa2c5c3820be77bba8c54846f", "native/android/libandroid.map.txt"),
+    "libaaudio": ("platform_frameworks_av", "7eca0885c57247703adca2506992bad0fa7dc9b5", "media/libaaudio/src/libaaudio.map.txt"),
 }
 REPO = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 

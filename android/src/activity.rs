@@ -4,11 +4,11 @@ use crate::java;
 use crate::launch::Launch;
 use crate::lifecycle::{Driver, Event};
 use crate::logcat;
-use crate::receiver::{Device, HeadsetReceiver};
+use crate::receiver::{Device, HeadsetReceiver, RecordingPermission};
 use crate::storage::Folders;
 use android_activity::{AndroidApp, InputStatus, MainEvent, PollEvent};
 use renderer_openxr::runtime::Runtime;
-use std::sync::Once;
+use std::sync::{Arc, Once};
 use std::time::Duration;
 
 /// How often to check whether the call has ended by itself.
@@ -111,12 +111,27 @@ fn device(app: &AndroidApp) -> Device {
         FIRST.call_once(|| unsafe { std::env::set_var(HEXAGON_FOLDER, folder) });
     }
     let app = app.clone();
+    let recording = Arc::new(OfActivity(app.clone()));
     Device {
         // SAFETY: the pointers are good as long as the activity, which the receiver is left before.
         open_xr: Box::new(move || unsafe {
             Runtime::load_android(app.vm_as_ptr().cast(), app.activity_as_ptr().cast())
         }),
         onnx_runtime: libraries.map(|folder| folder.join("libonnxruntime.so")),
+        recording,
+    }
+}
+
+/// The permissions of an activity, which lives longer than its receiver.
+struct OfActivity(AndroidApp);
+
+impl RecordingPermission for OfActivity {
+    fn is_granted(&self) -> bool {
+        java::may_record(&self.0)
+    }
+
+    fn ask(&self) {
+        java::ask_to_record(&self.0);
     }
 }
 

@@ -47,6 +47,23 @@ pub fn lines(problems: &[Problem]) -> Vec<String> {
     lines
 }
 
+/// The lines to show where a call of several is opened, and there is no avatar `name` in the app's folder.
+#[must_use]
+pub fn without_avatar(name: &str) -> Vec<String> {
+    let mut lines = wrapped(
+        "The others see your avatar, and there is none on this headset yet. Make one on the PC (./run bake makes one to begin with), and \
+         type there:",
+    );
+    lines.push(String::new());
+    lines.push("  adb push me.m3a \\".to_owned());
+    lines.push(format!("    {FILES_FOLDER}/{name}"));
+    lines.push(String::new());
+    lines.extend(wrapped(
+        "Then close Mon3tr and open the call's link again. Another file of that folder is taken with avatar = \"NAME.m3a\" in mon3tr.toml.",
+    ));
+    lines
+}
+
 /// The command that starts the app with a room, in lines that the panel has room for.
 fn start_command(room: &str) -> [String; 3] {
     // -S: an app that runs already would not see the new extras.

@@ -134,6 +134,7 @@ fn features_are_those_of_quest_and_only_what_is_needed_is_required() {
     assert_eq!(
         features,
         BTreeSet::from([
+            ("android.hardware.microphone", "false", ""),
             ("android.hardware.vr.headtracking", "true", "1"),
             ("android.hardware.vulkan.version", "true", "0x401000"),
             ("com.oculus.feature.PASSTHROUGH", "false", ""),
@@ -182,18 +183,18 @@ fn the_app_is_started_as_an_immersive_one_and_by_its_own_links_only() {
         ]),
         "from a browser"
     );
-    let data = one(*link, "data");
-    let named: BTreeSet<_> = data
-        .attributes()
-        .map(|one| (one.name(), one.value()))
+    let prefixes: Vec<String> = all(*link, "data")
+        .map(|data| {
+            let named: BTreeSet<_> = data.attributes().map(|one| one.name()).collect();
+            assert_eq!(named, BTreeSet::from(["host", "scheme"]), "nothing else");
+            format!("{}://{}/", get(data, "scheme"), get(data, "host"))
+        })
         .collect();
     assert_eq!(
-        named,
-        BTreeSet::from([("host", "room"), ("scheme", "mon3tr")]),
-        "nothing else's links"
+        prefixes,
+        [main::settings::DEEP_LINK, main::settings::DEEP_CALL_LINK],
+        "as the settings read them, and nothing else's links"
     );
-    let prefix = format!("{}://{}/", get(data, "scheme"), get(data, "host"));
-    assert_eq!(prefix, main::settings::DEEP_LINK, "as the settings read it");
     let queries = one(document.root_element(), "queries");
     let brokers: BTreeSet<_> = get(one(queries, "provider"), "authorities")
         .split(';')

@@ -10,7 +10,7 @@ use app_pipeline::placement::InferenceBackends;
 use app_pipeline::pool::in_own_pool;
 use app_pipeline::quality::QualityMode;
 use app_session::arrival::{Waiting, unless_over, wait_for_sender};
-use app_session::call::{CallEnd, CallWatch};
+use app_session::call::{CallEnd, CallFigures, CallWatch};
 use app_session::headset::{
     FrameCapture, FrameObserver, HeadsetDisplay, HeadsetFigures, NoticeBoard, PresentOptions,
     show_notice,
@@ -219,11 +219,23 @@ fn wait_and_fetch(
     }))
 }
 
-fn notice(board: &NoticeBoard, title: &str, lines: impl Into<Vec<String>>) {
+/// Writes a notice.
+pub(super) fn notice(board: &NoticeBoard, title: &str, lines: impl Into<Vec<String>>) {
     board.write(Notice {
         title: title.to_owned(),
         lines: lines.into(),
     });
+}
+
+/// Logs what was measured of a call with one person.
+pub(super) fn log_figures(figures: &CallFigures) {
+    log::info!(
+        "a call of {:.0} s: {} frames taken, {} lost, {:.1} kbit/s of payload",
+        figures.live_seconds,
+        figures.released,
+        figures.lost,
+        figures.payload_kbit_s
+    );
 }
 
 /// Logs how the calls ended. Returns whether to wait for the next ones, because the senders ended these.
@@ -240,13 +252,7 @@ fn log_calls(session: SessionReport, headset: &HeadsetFigures) -> anyhow::Result
         let Some(CallReport { figures, end, .. }) = person.call else {
             continue;
         };
-        log::info!(
-            "a call of {:.0} s: {} frames taken, {} lost, {:.1} kbit/s of payload",
-            figures.live_seconds,
-            figures.released,
-            figures.lost,
-            figures.payload_kbit_s
-        );
+        log_figures(&figures);
         match end {
             Some(CallEnd::Failed(error)) => {
                 failed.push(anyhow::Error::from(error).context("the call ended"));

@@ -1,9 +1,11 @@
 //! The call in a headset, as the activity's life-cycle drives it. This is the one place where the app meets the receiver.
 //!
-//! A thread of its own finds the headset and runs the app's task in it: a call (`call.rs`), a measurement
-//! (`profile.rs`), or the panel of missing settings. The activity's thread pauses, resumes and ends it through a [`Control`].
+//! A thread of its own finds the headset and runs the app's task in it: rooms to look into (`call.rs`), a call of several (`member.rs`), a
+//! measurement (`profile.rs`), or the panel of missing settings. The activity's thread pauses, resumes and ends it through a [`Control`].
 
 mod call;
+mod member;
+mod microphone;
 mod missing;
 mod network;
 mod profile;
@@ -36,6 +38,17 @@ pub struct Device {
     pub open_xr: Box<dyn FnOnce() -> Result<Runtime, XrError> + Send>,
     /// ONNX Runtime's library; nothing for the default search.
     pub onnx_runtime: Option<PathBuf>,
+    /// Whether the app may hear its wearer.
+    pub recording: Arc<dyn RecordingPermission>,
+}
+
+/// The wearer's permission to record what they say, which they give and take in the headset.
+pub trait RecordingPermission: Send + Sync {
+    /// Whether they have given it. It may be asked from any thread.
+    fn is_granted(&self) -> bool;
+
+    /// Has the system ask them. Returns before they have answered.
+    fn ask(&self);
 }
 
 impl std::fmt::Debug for Device {
@@ -140,6 +153,7 @@ impl Receiver for HeadsetReceiver {
 struct TaskContext<'a> {
     open_xr: Runtime,
     onnx_runtime: Option<PathBuf>,
+    recording: Arc<dyn RecordingPermission>,
     launch: &'a Launch,
     control: &'a Control,
     frames: &'a AtomicU64,
@@ -163,6 +177,7 @@ fn run(
     let task = TaskContext {
         open_xr: (device.open_xr)()?,
         onnx_runtime: device.onnx_runtime,
+        recording: device.recording,
         launch,
         control,
         frames,
@@ -195,6 +210,7 @@ impl TaskContext<'_> {
     fn perform(&self, settings: &Settings) -> anyhow::Result<()> {
         match &settings.task {
             Task::Call(rooms) => call::run(self, settings, &rooms.value),
+            Task::Member(link) => member::run(self, settings, &link.value),
             Task::Profile(time) => profile::run(self, settings, time.value),
         }
     }

@@ -1,6 +1,6 @@
 //! The settings of one source: unparsed texts, by setting.
 
-use super::{Key, Origin, Problem, plain, read_deep_link};
+use super::{Destination, Key, Origin, Problem, plain, read_deep_link};
 use std::collections::BTreeMap;
 use std::fmt;
 use toml::Value;
@@ -44,15 +44,18 @@ impl Given {
         }
     }
 
-    /// The settings in the link that the app was opened with: a room.
+    /// The settings in the link that the app was opened with: a room, or a call of several.
     ///
     /// # Errors
     /// Those of [`read_deep_link`].
     pub fn by_link(text: &str) -> Result<Self, Problem> {
-        let room = read_deep_link(text)?;
+        let said = match read_deep_link(text)? {
+            Destination::Room(room) => (Key::Room, room.to_string()),
+            Destination::Call(call) => (Key::Call, call.to_string()),
+        };
         Ok(Self {
             origin: Origin::Link,
-            texts: BTreeMap::from([(Key::Room, room.to_string())]),
+            texts: BTreeMap::from([said]),
         })
     }
 

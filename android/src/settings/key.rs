@@ -11,6 +11,12 @@ pub enum Key {
     Room,
     /// The right to be in the room, where `room` is a name.
     Token,
+    /// The whole link of a call of several.
+    Call,
+    /// One's own avatar in a call of several: a file in the app's folder.
+    Avatar,
+    /// What others in a call of several read.
+    Name,
     /// Whether people sit.
     Seat,
     /// The display's rate.
@@ -29,10 +35,13 @@ pub enum Key {
 
 impl Key {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 13] = [
         Self::Server,
         Self::Room,
         Self::Token,
+        Self::Call,
+        Self::Avatar,
+        Self::Name,
         Self::Seat,
         Self::Rate,
         Self::Placement,
@@ -49,6 +58,9 @@ impl Key {
             Self::Server => "server",
             Self::Room => "room",
             Self::Token => "token",
+            Self::Call => "call",
+            Self::Avatar => "avatar",
+            Self::Name => "name",
             Self::Seat => "seat",
             Self::Rate => "rate",
             Self::Placement => "placement",
@@ -74,7 +86,7 @@ impl Key {
     pub(super) fn longest(self) -> usize {
         match self {
             Self::Room => 65_536,
-            Self::Server | Self::Token => 8_192,
+            Self::Server | Self::Token | Self::Call => 8_192,
             _ => 64,
         }
     }

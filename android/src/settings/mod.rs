@@ -1,4 +1,4 @@
-//! Settings: which room to join and how, read from the launch intent's extras, from a `mon3tr://room/...` link and from
+//! Settings: which room or call to join and how, read from the launch intent's extras, from a `mon3tr://...` link and from
 //! `mon3tr.toml`. The first of these that gives a value wins, value by value; but a token is only sent to a server that its own
 //! source, or a weaker one, named. Every source is untrusted text: it is checked here, once, and the results are valid.
 
@@ -13,10 +13,10 @@ mod room;
 mod tests;
 mod values;
 
-pub use deep_link::{DEEP_LINK, deep_link, read_deep_link};
+pub use deep_link::{DEEP_CALL_LINK, DEEP_LINK, Destination, deep_link, read_deep_link};
 pub use given::Given;
 pub(crate) use given::LONGEST_FILE;
 pub use key::{Key, Origin};
 pub use problem::Problem;
 pub use resolve::{Settings, Sources, Task};
-pub use values::{DisplayRate, Sourced};
+pub use values::{AvatarFile, DisplayRate, Sourced};

@@ -1,11 +1,11 @@
 //! Combines the settings of all sources, and checks them.
 
-use super::room::{line, read_room_link, read_server};
+use super::room::{line, read_call_link, read_room_link, read_server};
 use super::values::{self, read};
-use super::{DisplayRate, Given, Key, Origin, Problem, Sourced, plain};
+use super::{AvatarFile, DisplayRate, Given, Key, Origin, Problem, Sourced, plain};
 use app_pipeline::plan::PlacementRequest;
 use app_pipeline::timeline::LatencyMode;
-use link_protocol::{ProtocolError, RoomLink};
+use link_protocol::{CallLink, PersonName, ProtocolError, RoomLink};
 use log::LevelFilter;
 use std::time::Duration;
 
@@ -28,6 +28,10 @@ pub struct Sources {
 pub struct Settings {
     /// The app's task.
     pub task: Task,
+    /// One's own avatar in a call of several.
+    pub avatar: Sourced<AvatarFile>,
+    /// What others in a call of several read; nothing for the seat's number.
+    pub name: Sourced<Option<PersonName>>,
     /// Whether people sit.
     pub seat: Sourced<bool>,
     /// The display's rate; nothing for the one that frames keep up with.
@@ -47,6 +51,8 @@ pub struct Settings {
 pub enum Task {
     /// Show the people of these rooms, at least one: each a server, a room there, and a viewer's token. A link can hold no more than that.
     Call(Sourced<Vec<RoomLink>>),
+    /// Take a seat in this call of several: seen and heard by the others, and shown them.
+    Member(Sourced<CallLink>),
     /// Measure the demo person for this long, and write the profile.
     Profile(Sourced<Duration>),
 }
@@ -95,6 +101,9 @@ impl Sources {
     pub fn settings(&self) -> Result<Settings, Vec<Problem>> {
         let mut problems = self.problems.clone();
         let task = keep(self.task(), &mut problems);
+        let avatar = self.value(Key::Avatar, AvatarFile::default(), values::avatar);
+        let avatar = keep(avatar, &mut problems);
+        let name = keep(values::person(self.strongest(Key::Name)), &mut problems);
         let seat = keep(self.value(Key::Seat, false, values::seat), &mut problems);
         let rate = keep(self.value(Key::Rate, None, values::rate), &mut problems);
         let placement = PlacementRequest::default();
@@ -105,9 +114,13 @@ impl Sources {
         let log = keep(self.log(), &mut problems);
         let cache = self.value(Key::CacheMb, CACHE, values::cache);
         let cache = keep(cache, &mut problems);
-        match (task, seat, rate, placement, latency, log, cache) {
+        match (
+            task, avatar, name, seat, rate, placement, latency, log, cache,
+        ) {
             (
                 Some(task),
+                Some(avatar),
+                Some(name),
                 Some(seat),
                 Some(rate),
                 Some(placement),
@@ -116,6 +129,8 @@ impl Sources {
                 Some(cache_bytes),
             ) if problems.is_empty() => Ok(Settings {
                 task,
+                avatar,
+                name,
                 seat,
                 rate,
                 placement,
@@ -148,16 +163,29 @@ impl Sources {
     }
 
     fn task(&self) -> Result<Task, Problem> {
-        let room = self.strongest(Key::Room);
-        let profile = self.strongest(Key::Profile);
-        match (profile, room) {
-            // A room that a stronger source names overrides it.
-            (Some((origin, text)), room) if room.is_none_or(|(of_room, _)| of_room <= origin) => {
+        // The strongest source counts; what one source says of several, in this order.
+        let said = [Key::Profile, Key::Call, Key::Room]
+            .into_iter()
+            .filter_map(|key| {
+                self.strongest(key)
+                    .map(|(origin, text)| (key, origin, text))
+            })
+            .rev()
+            .max_by_key(|(_, origin, _)| *origin);
+        match said {
+            Some((Key::Profile, origin, text)) => {
                 let given = Some((origin, text));
                 read(Key::Profile, given, Duration::ZERO, values::profile).map(Task::Profile)
             }
-            (_, Some((origin, text))) => self.rooms(origin, text).map(Task::Call),
-            (_, None) => Err(Problem::Missing(Key::Room)),
+            Some((Key::Call, origin, text)) => read_call_link(text)
+                .map(|value| Task::Member(Sourced { value, origin }))
+                .map_err(|why| Problem::Value {
+                    key: Key::Call,
+                    origin,
+                    why,
+                }),
+            Some((_, origin, text)) => self.rooms(origin, text).map(Task::Call),
+            None => Err(Problem::Missing(Key::Room)),
         }
     }
 

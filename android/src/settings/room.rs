@@ -1,24 +1,37 @@
-//! Servers and rooms, taken exactly as they are named: an address that a parser would understand as another one (`0x7f.1`,
+//! Servers, rooms and calls, taken exactly as they are named: an address that a parser would understand as another one (`0x7f.1`,
 //! `host/../x`, `%68ost`) is refused with the address it would become.
 
 use super::plain;
 use link_protocol::room_link::ServerUrl;
-use link_protocol::{ProtocolError, RoomLink};
+use link_protocol::{CallLink, ProtocolError, RoomLink};
+use std::str::FromStr;
 
 /// The longest address that is looked at; links have a token besides.
 const LONGEST: usize = 8_192;
 
 /// A whole `https://HOST/rooms/ROOM#TOKEN`.
 pub(super) fn read_room_link(text: &str) -> Result<RoomLink, String> {
+    read_link(text, "/rooms/", RoomLink::server)
+}
+
+/// A whole `https://HOST/calls/CALL#TOKEN`.
+pub(super) fn read_call_link(text: &str) -> Result<CallLink, String> {
+    read_link(text, "/calls/", CallLink::server)
+}
+
+/// A link to what `place` stands before.
+fn read_link<L: FromStr<Err = ProtocolError>>(
+    text: &str,
+    place: &str,
+    server_of: impl Fn(&L) -> &ServerUrl,
+) -> Result<L, String> {
     plain::check(text, LONGEST)?;
     // A token may have slashes too.
     let address = text.split('#').next().unwrap_or_default();
     check_address(address)?;
-    let link: RoomLink = text.parse().map_err(|error| line(&error))?;
-    let server = address
-        .rsplit_once("/rooms/")
-        .map_or("", |(server, _)| server);
-    check_named(server, link.server())?;
+    let link: L = text.parse().map_err(|error| line(&error))?;
+    let server = address.rsplit_once(place).map_or("", |(server, _)| server);
+    check_named(server, server_of(&link))?;
     Ok(link)
 }
 

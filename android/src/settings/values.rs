@@ -3,6 +3,7 @@
 use super::{Key, Origin, Problem, plain};
 use app_pipeline::plan::PlacementRequest;
 use app_pipeline::timeline::LatencyMode;
+use link_protocol::PersonName;
 use log::LevelFilter;
 use std::fmt;
 use std::time::Duration;
@@ -48,6 +49,25 @@ impl DisplayRate {
 impl fmt::Display for DisplayRate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} Hz", self.hz())
+    }
+}
+
+/// The name of a package in the app's folder that adb can reach: no path, so that what any app may ask for stays within that folder.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct AvatarFile(String);
+
+impl AvatarFile {
+    /// The name.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl Default for AvatarFile {
+    /// `avatar.m3a`.
+    fn default() -> Self {
+        Self("avatar.m3a".to_owned())
     }
 }
 
@@ -121,6 +141,38 @@ pub(super) fn cache(text: &str) -> Result<u64, String> {
     whole(text, 64..=16_384)
         .map(|mb| mb * 1_000_000)
         .ok_or_else(|| no(text, "size", "whole megabytes from 64 to 16384"))
+}
+
+pub(super) fn avatar(text: &str) -> Result<AvatarFile, String> {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
+    let stem = text.strip_suffix(".m3a").unwrap_or_default();
+    if !stem.is_empty() && !stem.starts_with('.') && stem.chars().all(is_plain) {
+        Ok(AvatarFile(text.to_owned()))
+    } else {
+        Err(no(
+            text,
+            "avatar",
+            "the name of a file in the app's folder that ends with .m3a, of letters, digits, `.`, `_` and `-`",
+        ))
+    }
+}
+
+/// What others read, in any script.
+pub(super) fn person(
+    given: Option<(Origin, &str)>,
+) -> Result<Sourced<Option<PersonName>>, Problem> {
+    let Some((origin, text)) = given else {
+        return Ok(Sourced {
+            value: None,
+            origin: Origin::Default,
+        });
+    };
+    let value = text.parse().map(Some).map_err(|_| Problem::Value {
+        key: Key::Name,
+        origin,
+        why: no(text, "name", "1 to 40 characters that can be seen"),
+    })?;
+    Ok(Sourced { value, origin })
 }
 
 fn whole(text: &str, within: std::ops::RangeInclusive<u64>) -> Option<u64> {

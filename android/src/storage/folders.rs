@@ -39,6 +39,12 @@ impl Folders {
         self.shared.join("avatar.m3a")
     }
 
+    /// The wearer's own avatar of that name, where adb can push it.
+    #[must_use]
+    pub fn avatar(&self, name: &str) -> PathBuf {
+        self.shared.join(name)
+    }
+
     /// Networks compiled for the NPU.
     #[must_use]
     pub fn compiled(&self) -> PathBuf {

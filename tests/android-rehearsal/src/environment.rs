@@ -183,6 +183,18 @@ impl Scene<'_> {
     }
 }
 
+impl Scene<'_> {
+    /// A person with the server's avatar, who opens a call of several there.
+    pub(crate) fn call(&self, server: &Server, options: &[(&str, &str)]) -> Program {
+        Program::start(
+            mon3tr(self.environment, &self.folder)
+                .args(["call", "--owner-token", &server.token, "--avatar"])
+                .arg(&server.avatar)
+                .args(options.iter().flat_map(|(name, value)| [name, value])),
+        )
+    }
+}
+
 /// The command `mon3tr`, as it is started here.
 fn mon3tr(environment: &Environment, cache: &Path) -> Command {
     let mut command = through_runner(&environment.mon3tr);
@@ -217,4 +229,9 @@ pub(crate) struct Sender {
 /// The intent by which a link is opened on a headset.
 pub(crate) fn opening(link: &str) -> Intent {
     Intent::view(&format!("mon3tr://room/{}", link.replacen("://", "/", 1))).with("log", "debug")
+}
+
+/// The intent by which a call's link is opened on a headset.
+pub(crate) fn opening_call(link: &str) -> Intent {
+    Intent::view(&format!("mon3tr://call/{}", link.replacen("://", "/", 1))).with("log", "debug")
 }

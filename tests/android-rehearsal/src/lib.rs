@@ -9,7 +9,7 @@
 //! | the driver: the app built, the cases, the report | `src/main.rs`, `app.rs`, `cases/`, `report.rs` |
 //! | the host process: activity, Java machine | `src/bin/host/` |
 //! | the protocol between driver and host | [`protocol`] |
-//! | Android's `libc`, `libm`, `libdl`, `liblog`, `libandroid` and OpenXR loader, on glibc's | `shims/`, compiled by [`shims`] |
+//! | Android's `libc`, `libm`, `libdl`, `liblog`, `libandroid`, `libaaudio` and OpenXR loader, on glibc's | `shims/`, compiled by [`shims`] |
 //!
 //! It shows that the `target_os = "android"` code starts, reads intents, draws, calls, pauses and ends, and that Rust's standard
 //! library for Android behaves as assumed. It does not show ART, SELinux, Khronos' Android loader, Meta's runtime, Adreno, NNAPI, QNN or

@@ -15,6 +15,7 @@ pub mod picture_check;
 pub mod program;
 pub mod pulse;
 pub mod service;
+pub mod speech;
 pub mod splat_reference;
 pub mod splat_scenes;
 pub mod vulkan;

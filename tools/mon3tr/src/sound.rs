@@ -2,21 +2,16 @@
 
 use crate::report::file_of_format;
 use anyhow::Context;
-use glam::Vec3;
+use call_member::{MIXED, MIXED_TIME, VoiceMixer, play_voices};
 use link_playout::Clock;
-use link_voice::{Pace, RATE, VoiceError, VoicePlayer, VoiceQueue};
-use sound_devices::{Loudspeaker, SoundServer};
-use spatial_sound::Binaural;
+use link_voice::{Pace, RATE, VoiceQueue};
+use sound_devices::Loudspeaker;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use voice_processing::FarEnd;
-
-/// Samples that are made at a time: 10 ms.
-const ASKED: usize = 480;
-const ASKED_US: u64 = 10_000;
 
 /// Options of commands that play voices.
 #[derive(Debug, Clone, clap::Args)]
@@ -52,40 +47,16 @@ impl SoundOptions {
             return Ok(Sound::File(SoundFile::begin(path, voices, clock)?));
         }
         let asked = self.loudspeaker.as_deref();
-        match begin_loudspeaker(asked, voices, clock, self.far_end.clone()) {
+        match play_voices(asked, voices, clock, self.far_end.clone()) {
             Ok(loudspeaker) => Ok(Sound::Loudspeaker(loudspeaker)),
-            Err(why) if asked.is_some() => Err(why.context("no loudspeaker")),
+            Err(why) if asked.is_some() => Err(why).context("no loudspeaker"),
             Err(why) => {
+                let why = anyhow::Error::from(why);
                 println!("no voice is heard: {why:#}; --sound FILE.wav writes it");
                 Ok(Sound::Unheard)
             }
         }
     }
-}
-
-fn begin_loudspeaker(
-    name: Option<&str>,
-    voices: &[VoiceQueue],
-    clock: Clock,
-    far_end: Option<FarEnd>,
-) -> anyhow::Result<Loudspeaker> {
-    let server = SoundServer::find()?;
-    let mut mixer = Mixer::listen(voices)?;
-    let fill = move |at: Instant, device: Duration, out: &mut [[f32; 2]]| {
-        let (pieces, _) = out.as_chunks_mut();
-        for (piece, number) in pieces.iter_mut().zip(0..) {
-            let at = at + number * Duration::from_micros(ASKED_US);
-            mixer.play(clock, at, device, piece);
-            if let Some(far_end) = &far_end {
-                // A microphone hears both.
-                far_end.play(
-                    at + device,
-                    &piece.map(|[left, right]| (left + right) / 2.0),
-                );
-            }
-        }
-    };
-    Ok(Loudspeaker::begin(&server, name, Box::new(fill))?)
 }
 
 /// What plays.
@@ -112,35 +83,6 @@ impl Sound {
     }
 }
 
-/// All voices together, each from where its mouth is.
-#[derive(Debug)]
-struct Mixer {
-    voices: Vec<(VoicePlayer, Binaural)>,
-    one: [f32; ASKED],
-}
-
-impl Mixer {
-    fn listen(voices: &[VoiceQueue]) -> Result<Self, VoiceError> {
-        let voices = (voices.iter())
-            .map(|voice| Ok::<_, VoiceError>((voice.listen()?, Binaural::default())));
-        Ok(Self {
-            voices: voices.collect::<Result<_, _>>()?,
-            one: [0.0; ASKED],
-        })
-    }
-
-    fn play(&mut self, clock: Clock, at: Instant, device: Duration, out: &mut [[f32; 2]; ASKED]) {
-        out.fill([0.0; 2]);
-        for (voice, ears) in &mut self.voices {
-            voice.play(clock.at(at), device, &mut self.one);
-            ears.add(&self.one, voice.place().map(Vec3::from), out);
-        }
-        for sample in out.as_flattened_mut() {
-            *sample = sample.clamp(-1.0, 1.0);
-        }
-    }
-}
-
 /// A WAV file that is written while it is there: 48 kHz, left and right, 16 bits.
 #[derive(Debug)]
 pub(crate) struct SoundFile {
@@ -159,7 +101,7 @@ impl SoundFile {
             sample_format: hound::SampleFormat::Int,
         };
         let wav = hound::WavWriter::create(path, spec).with_context(cannot)?;
-        let mixer = Mixer::listen(voices)?;
+        let mixer = VoiceMixer::listen(voices)?;
         let stop = Arc::<AtomicBool>::default();
         let stopped = Arc::clone(&stop);
         let thread = std::thread::Builder::new()
@@ -184,12 +126,12 @@ impl SoundFile {
 /// Asks for sound at an even pace; where this thread is a little late, it asks for what it has missed.
 fn write<W: std::io::Write + std::io::Seek>(
     mut wav: hound::WavWriter<W>,
-    mut mixer: Mixer,
+    mut mixer: VoiceMixer,
     clock: Clock,
     stop: &AtomicBool,
 ) -> Result<(), hound::Error> {
-    let mut pace = Pace::begin(Instant::now(), Duration::from_micros(ASKED_US));
-    let mut mixed = [[0.0f32; 2]; ASKED];
+    let mut pace = Pace::begin(Instant::now(), MIXED_TIME);
+    let mut mixed = [[0.0f32; 2]; MIXED];
     while !stop.load(Relaxed) {
         let heard = pace.next(Instant::now());
         std::thread::sleep(heard.saturating_duration_since(Instant::now()));

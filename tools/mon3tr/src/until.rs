@@ -38,12 +38,3 @@ impl Until {
             || (self.longest).is_some_and(|longest| asked.elapsed() >= longest)
     }
 }
-
-/// Sets a flag when it is dropped, also by a panic: another thread ends with it.
-pub(crate) struct SetAtEnd<'a>(pub(crate) &'a AtomicBool);
-
-impl Drop for SetAtEnd<'_> {
-    fn drop(&mut self) {
-        self.0.store(true, Relaxed);
-    }
-}

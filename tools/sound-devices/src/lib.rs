@@ -1,20 +1,25 @@
-//! The microphone and the loudspeaker of a machine, by PulseAudio's native protocol, which PipeWire speaks as well: [`Microphone`] and
-//! [`Loudspeaker`]. Both come back by themselves after their device or its server was away. No C library takes part.
+//! The microphone and the loudspeaker of a machine: [`Microphone`] and [`Loudspeaker`]. Both come back by themselves after their device or its
+//! server was away. On Android they are AAudio's, elsewhere those of PulseAudio's native protocol.
 //!
-//! Everything is one channel of 48 kHz, samples from -1 to 1; the server converts what a device has otherwise.
+//! A microphone is one channel, a loudspeaker two, of 48 kHz, samples from -1 to 1; the server converts what a device has otherwise.
 
+#[cfg(target_os = "android")]
+mod aaudio;
 mod clock;
-mod connection;
-mod device;
-mod error;
-mod loudspeaker;
-mod microphone;
-mod stream;
+#[cfg(any(target_os = "android", test))]
+mod heard;
+#[cfg(not(target_os = "android"))]
+mod pulse;
 
-pub use connection::SoundServer;
-pub use error::SoundError;
-pub use loudspeaker::{Fill, Loudspeaker};
-pub use microphone::Microphone;
+#[cfg(target_os = "android")]
+pub use aaudio::{Loudspeaker, Microphone, SoundError, SoundServer};
+#[cfg(not(target_os = "android"))]
+pub use pulse::{Loudspeaker, Microphone, SoundError, SoundServer};
+
+use std::time::{Duration, Instant};
 
 /// Samples a second.
 pub const RATE: u32 = 48_000;
+
+/// Makes the next samples, left and right: of a moment by an even clock, which are heard so much later. It is called by the loudspeaker's own thread.
+pub type Fill = Box<dyn FnMut(Instant, Duration, &mut [[f32; 2]]) + Send>;

@@ -1,11 +1,12 @@
 //! Good links, altered links, and any text.
 
 use super::{read, rooms};
-use crate::settings::{Key, deep_link, read_deep_link};
+use crate::settings::Task;
+use crate::settings::{Destination, Key, deep_link, read_deep_link};
 use proptest::prelude::*;
 use url::Url;
 
-/// Room links as servers print them.
+/// Links to rooms and calls as servers print them.
 fn good_links() -> impl Strategy<Value = String> {
     let host = prop_oneof![
         "[a-z][a-z0-9]{0,6}(-[a-z0-9]{1,4})?(\\.[a-z][a-z0-9]{0,6}){0,2}",
@@ -19,12 +20,30 @@ fn good_links() -> impl Strategy<Value = String> {
     let prefix = "(/[a-z0-9_-]{1,8}){0,2}";
     let room = "[A-Za-z0-9_~-]{1,20}";
     let token = "[A-Za-z0-9._~+/=-]{1,60}";
-    (any::<bool>(), host, port, prefix, room, token).prop_map(
-        |(secure, host, port, prefix, room, token)| {
+    let place = prop::sample::select(vec!["rooms", "calls"]);
+    (any::<bool>(), host, port, prefix, place, room, token).prop_map(
+        |(secure, host, port, prefix, place, room, token)| {
             let scheme = if secure { "https" } else { "http" };
-            format!("{scheme}://{host}{port}{prefix}/rooms/{room}#{token}")
+            format!("{scheme}://{host}{port}{prefix}/{place}/{room}#{token}")
         },
     )
+}
+
+/// A link of a place, `room` or `call`.
+fn destination(link: &str) -> Destination {
+    if link.contains("/calls/") {
+        Destination::Call(link.parse().expect("a good link"))
+    } else {
+        Destination::Room(link.parse().expect("a good link"))
+    }
+}
+
+/// The server that a link leads to, and the link.
+fn server_and_link(of: &Destination) -> (String, String) {
+    match of {
+        Destination::Room(room) => (room.server().to_string(), room.to_string()),
+        Destination::Call(call) => (call.server().to_string(), call.to_string()),
+    }
 }
 
 /// Scheme, host and port of an address, by the WHATWG's parser alone.
@@ -34,26 +53,28 @@ fn origin(address: &str) -> Option<url::Origin> {
 
 /// What the deep link names as a person reads it: by splitting the text, without a parser.
 fn named_by_eye(deep: &str) -> Option<String> {
-    let rest = deep.strip_prefix("mon3tr://room/")?;
+    let rest = deep.strip_prefix("mon3tr://room/");
+    let rest = rest.or_else(|| deep.strip_prefix("mon3tr://call/"))?;
     let (scheme, rest) = rest.split_once('/')?;
     let (host, _) = rest.split_once('/')?;
     Some(format!("{scheme}://{host}"))
 }
 
 /// Checks what was read from a text: it prints as that text, and names the server that stands there.
-fn check_out(text: &str, room: &link_protocol::RoomLink) -> Result<(), TestCaseError> {
+fn check_out(text: &str, room: &Destination) -> Result<(), TestCaseError> {
+    let (server, link) = server_and_link(room);
     let again = deep_link(room);
     let read_again = read_deep_link(&again);
     prop_assert_eq!(read_again.as_ref(), Ok(room), "round trip of {}", text);
     let eye = named_by_eye(text);
     prop_assert!(eye.is_some(), "{} names a server", text);
     prop_assert_eq!(
-        origin(&room.server().to_string()),
+        origin(&server),
         origin(&eye.unwrap_or_default()),
         "of {}",
         text
     );
-    let host = room.server().to_string().to_lowercase();
+    let host = server.to_lowercase();
     let bare = host
         .split("://")
         .nth(1)
@@ -65,8 +86,7 @@ fn check_out(text: &str, room: &link_protocol::RoomLink) -> Result<(), TestCaseE
         bare,
         text
     );
-    let token = room.to_string();
-    let token = token
+    let token = link
         .split_once('#')
         .map(|(_, token)| token)
         .unwrap_or_default();
@@ -82,14 +102,18 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 2_000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn every_room_link_has_a_deep_link_that_reads_back(text in good_links()) {
-        let room: link_protocol::RoomLink = text.parse().expect("a good link");
+    fn every_link_has_a_deep_link_that_reads_back(text in good_links()) {
+        let room = destination(&text);
         let deep = deep_link(&room);
         let read_back = read_deep_link(&deep);
         prop_assert_eq!(read_back.as_ref(), Ok(&room), "{}", deep);
         check_out(&deep, &room)?;
         let settings = read(&[], Some(&deep), None).expect("a room");
-        prop_assert_eq!(rooms(&settings), [text], "nothing else comes of it");
+        let joined = match &settings.task {
+            Task::Member(call) => vec![call.value.to_string()],
+            _ => rooms(&settings),
+        };
+        prop_assert_eq!(joined, [text], "nothing else comes of it");
     }
 
     #[test]
@@ -97,7 +121,7 @@ proptest! {
         text in good_links(),
         cuts in prop::collection::vec((any::<prop::sample::Index>(), 0..4_u8, "[ -~]{0,3}|[\\x00-\\x1f]|\\PC|(%[0-9a-fA-F]{2})|\\.\\./|//|@evil\\.example"), 1..4),
     ) {
-        let room: link_protocol::RoomLink = text.parse().expect("a good link");
+        let room = destination(&text);
         let mut deep: Vec<char> = deep_link(&room).chars().collect();
         for (at, how, piece) in cuts {
             let at = at.index(deep.len() + 1).min(deep.len());
@@ -122,8 +146,8 @@ proptest! {
             "\\PC{0,12}",
         ], 0..6),
         texts in prop::collection::vec("(?s).{0,40}|https?://[ -~]{0,20}", 6),
-        link in prop::option::of("(?s).{0,60}|mon3tr://room/[ -~]{0,40}"),
-        file in prop::option::of("(?s).{0,60}|((room|server|token|rate|seat) = \"?[ -~]{0,20}\"?\n){0,4}"),
+        link in prop::option::of("(?s).{0,60}|mon3tr://(room|call)/[ -~]{0,40}"),
+        file in prop::option::of("(?s).{0,60}|((room|server|token|call|name|avatar|rate|seat) = \"?[ -~]{0,20}\"?\n){0,4}"),
     ) {
         let extras: Vec<(&str, &str)> = names.iter().map(String::as_str).zip(texts.iter().map(String::as_str)).collect();
         if let Err(problems) = read(&extras, link.as_deref(), file.as_deref()) {

@@ -31,7 +31,7 @@ fn reported(extras: &[(&str, &str)], link: Option<&str>, file: Option<&str>) -> 
 fn rooms(settings: &Settings) -> Vec<String> {
     match &settings.task {
         Task::Call(rooms) => rooms.value.iter().map(ToString::to_string).collect(),
-        Task::Profile(_) => Vec::new(),
+        Task::Member(_) | Task::Profile(_) => Vec::new(),
     }
 }
 
@@ -59,6 +59,96 @@ fn a_room_is_joined_the_same_way_whichever_source_names_it() {
         assert!(
             !format!("{settings:?}").contains("s3cret"),
             "the token is not shown"
+        );
+    }
+}
+
+#[test]
+fn a_call_is_joined_the_same_way_whichever_source_names_it() {
+    let link = "https://call.example:8480/calls/C7#s3cret-token";
+    let file = format!("call = \"{link}\"\navatar = \"ada.m3a\"\nname = \"Ада\"\n");
+    let deep = "mon3tr://call/https/call.example:8480/calls/C7#s3cret-token";
+    for (origin, settings) in [
+        (Origin::Intent, read(&[("call", link)], None, None)),
+        (Origin::Link, read(&[], Some(deep), None)),
+        (Origin::File, read(&[], None, Some(&file))),
+    ] {
+        let settings = settings.expect("a call");
+        let Task::Member(call) = &settings.task else {
+            panic!("by {origin}: {settings:?}");
+        };
+        assert_eq!(
+            (call.value.to_string().as_str(), call.origin),
+            (link, origin)
+        );
+        let (avatar, name) = match origin {
+            Origin::File => ("ada.m3a", Some("Ада")),
+            _ => ("avatar.m3a", None),
+        };
+        assert_eq!(settings.avatar.value.as_str(), avatar, "by {origin}");
+        let given = settings.name.value.as_ref().map(|name| name.as_str());
+        assert_eq!(given, name, "by {origin}");
+        assert!(!format!("{settings:?}").contains("s3cret"), "not shown");
+    }
+    // What a stronger source names counts, be it a room or a call; of one source the call.
+    let room = read(&[("room", LINK)], Some(deep), Some(&file)).expect("a room");
+    assert_eq!(rooms(&room), [LINK], "the intent's");
+    let both = read(&[("room", LINK), ("call", link)], None, None).expect("a call");
+    assert!(matches!(both.task, Task::Member(_)), "{both:?}");
+    let named = read(
+        &[("name", "Ada"), ("avatar", "b-2.m3a")],
+        Some(deep),
+        Some(&file),
+    );
+    let named = named.expect("a call");
+    assert_eq!(named.name.value.expect("a name").as_str(), "Ada");
+    assert_eq!(named.avatar.value.as_str(), "b-2.m3a");
+}
+
+#[test]
+fn a_call_that_cannot_be_meant_and_an_avatar_elsewhere_are_refused() {
+    for (call, why) in [
+        ("https://me:pw@h/calls/C#s3cret", "user name"),
+        ("https://0x7f.1/calls/C#s3cret", "would be understood as"),
+        ("https://h/rooms/R#s3cret", "/calls/CALL"),
+        ("https://h/calls/C", "#TOKEN"),
+        ("https://h/calls/../C#s3cret", ""),
+    ] {
+        let reported = reported(&[("call", call)], None, None);
+        assert!(
+            reported.starts_with("call in the intent") && reported.contains(why),
+            "{reported}"
+        );
+        assert!(!reported.contains("s3cret"), "{reported}");
+    }
+    let call = ("call", "https://h/calls/C#t");
+    for avatar in [
+        "../own/packages/x.m3a",
+        "/data/x.m3a",
+        ".m3a",
+        "..m3a",
+        ".x.m3a",
+        "x.toml",
+        "a b.m3a",
+        "x.m3a\u{202e}",
+        "",
+    ] {
+        let reported = reported(&[call, ("avatar", avatar)], None, None);
+        assert!(reported.starts_with("avatar in the intent"), "{reported}");
+    }
+    for name in ["", "  ", "a\nb", "\u{202e}adA", &"x".repeat(41)] {
+        let reported = reported(&[call, ("name", name)], None, None);
+        assert!(reported.starts_with("name in the intent"), "{reported}");
+    }
+    for (link, why) in [
+        ("mon3tr://call/https/h/rooms/R#s3cret", "/calls/CALL"),
+        ("mon3tr://room/https/h/calls/C#s3cret", "/rooms/ROOM"),
+        ("mon3tr://calls/https/h/calls/C#s3cret", "must begin with"),
+    ] {
+        let reported = reported(&[], Some(link), None);
+        assert!(
+            reported.contains(why) && !reported.contains("s3cret"),
+            "{reported}"
         );
     }
 }

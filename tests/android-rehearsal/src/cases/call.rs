@@ -16,7 +16,7 @@ const VALIDATED: [(&str, &str); 1] = [("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_v
 const LAYER: &str = "libVkLayer_khronos_validation.so";
 
 /// Until some more pictures of a person were handed to the compositor.
-fn shows_people(process: &mut Process) -> anyhow::Result<()> {
+pub(super) fn shows_people(process: &mut Process) -> anyhow::Result<()> {
     let before = process.census()?.frames.people;
     process.wait_until("pictures of the person", |process| {
         Ok(process.census()?.frames.people >= before + 10)

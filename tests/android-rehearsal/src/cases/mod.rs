@@ -5,6 +5,7 @@ mod call;
 mod first_run;
 mod hostile;
 mod leaks;
+mod member;
 mod panics;
 mod placement;
 mod profile;
@@ -27,7 +28,7 @@ pub(crate) struct Case {
 }
 
 /// All of them, the quickest first.
-pub(crate) const CASES: [Case; 12] = [
+pub(crate) const CASES: [Case; 14] = [
     Case {
         name: "first-run",
         shows: "an app that knows no room says in the headset what to type",
@@ -67,6 +68,16 @@ pub(crate) const CASES: [Case; 12] = [
         name: "validation",
         shows: "a call makes the validation layer say nothing",
         perform: call::perform_validated,
+    },
+    Case {
+        name: "member",
+        shows: "a call of several with a desktop: each sees the other move and hears what the other says, also after the sound devices were away",
+        perform: member::perform,
+    },
+    Case {
+        name: "member-without",
+        shows: "a call of several without an avatar says what to do, and without the microphone goes on",
+        perform: member::perform_without,
     },
     Case {
         name: "placement-paused",

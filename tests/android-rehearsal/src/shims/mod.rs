@@ -77,6 +77,7 @@ pub fn build(to: &Path) -> anyhow::Result<()> {
     }
     compile(to, "liblog.so", &[from.join("liblog.c")], &[])?;
     compile(to, "libandroid.so", &[from.join("libandroid.c")], &[])?;
+    compile(to, "libaaudio.so", &[from.join("libaaudio.c")], &[])?;
     let log = to.join("liblog.so").display().to_string();
     compile(to, "libopenxr_loader.so", &[from.join("openxr.c")], &[&log])
 }

@@ -3,12 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The lists, one for each library that ours link; written by `scripts/android-api.py`.
-const LISTS: [(&str, &str); 5] = [
+const LISTS: [(&str, &str); 6] = [
     ("libc.so", include_str!("../../api-29/libc.txt")),
     ("libm.so", include_str!("../../api-29/libm.txt")),
     ("libdl.so", include_str!("../../api-29/libdl.txt")),
     ("liblog.so", include_str!("../../api-29/liblog.txt")),
     ("libandroid.so", include_str!("../../api-29/libandroid.txt")),
+    ("libaaudio.so", include_str!("../../api-29/libaaudio.txt")),
 ];
 
 const LIBRARIES: &str = include_str!("../../api-29/libraries.txt");

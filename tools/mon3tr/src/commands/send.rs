@@ -10,28 +10,23 @@ use crate::preview::Preview;
 use crate::progress;
 use crate::report::{check_writable, write_json};
 use crate::stills::load_avatar;
-use crate::until::SetAtEnd;
 use crate::voice_options::VoiceOptions;
 use anyhow::{Context, anyhow, bail};
 use app_session::headset::WearerSlot;
 use app_session::own_motion::OwnMotion;
-use call_member::{WEARER_RATE, WearerCapture};
+use call_member::{Performance, WEARER_RATE, WearerCapture};
 use link_call::Sender;
 use link_codec::Codec;
 use link_protocol::RoomLink;
 use link_protocol::announcement::ChannelMode;
 use link_protocol::room_link::ServerUrl;
 use motion_fit::wearer::Stance;
-use sender::{
-    Capture, Captured, ClipCapture, Desk, Entered, Lips, Overheard, Place, SendError, UnseenFace,
-    VoiceSource,
-};
+use sender::{Capture, ClipCapture, Desk, Entered, Place, VoiceSource};
 use serde::Serialize;
 use spmm3::Avatar;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::thread::ScopedJoinHandle;
+use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
 /// Motion rates a sender may have.
@@ -217,35 +212,17 @@ pub(crate) fn perform(
             }
         }
         let begun = Instant::now();
-        let lips = Lips::default();
         let mut watched = Watched::over(motion.capture());
-        let mut moved = Mirrored {
-            capture: UnseenFace::new(&mut watched, &avatar.expressions, lips.clone()),
+        let performance = Performance {
+            capture: &mut watched,
+            expressions: &avatar.expressions,
+            voice: match &mut voice {
+                Some(voice) => Some(&mut **voice),
+                None => None,
+            },
             own: own.as_ref(),
         };
-        let silent = AtomicBool::new(false);
-        std::thread::scope(|scope| {
-            let said = voice.as_mut().map(|voice| {
-                let (host, silent) = (&host, &silent);
-                let mut voice = Overheard::new(&mut **voice, lips, host.privacy());
-                scope.spawn(move || {
-                    let said = sender::say(&mut voice, host, clock, silent);
-                    if said.is_err() {
-                        // A call that has lost its voice ends, and says why.
-                        stop.store(true, Relaxed);
-                    }
-                    said
-                })
-            });
-            let sent = {
-                let _ends_with = SetAtEnd(&silent);
-                sender::send(&host, &mut moved, clock, stop)
-            };
-            let said = said.map_or(Ok(Ok(())), ScopedJoinHandle::join);
-            sent?;
-            said.map_err(|_| anyhow!("the thread of the voice has failed"))??;
-            anyhow::Ok(())
-        })?;
+        performance.send(&host, clock, stop)?;
         Ok((begun, watched.settled_bytes))
     };
     let performed = match (preview, shown) {
@@ -289,22 +266,6 @@ impl Motion {
             Self::Clip(_) | Self::Wearer(_) => None,
             Self::Camera(capture) => Some(capture.figures()),
         }
-    }
-}
-
-/// A capture whose motion is shown to oneself, too.
-struct Mirrored<'a, C> {
-    capture: C,
-    own: Option<&'a OwnMotion>,
-}
-
-impl<C: Capture> Capture for Mirrored<'_, C> {
-    fn next(&mut self) -> Result<Option<Captured>, SendError> {
-        let captured = self.capture.next()?;
-        if let (Some(captured), Some(own)) = (&captured, self.own) {
-            own.show(captured.at, &captured.motion);
-        }
-        Ok(captured)
     }
 }
 

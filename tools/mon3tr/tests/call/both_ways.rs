@@ -2,10 +2,11 @@
 
 use crate::command::command;
 use crate::house::{House, Program, count, number};
-use crate::voice::{PIECE, best_likeness, loudness, read_wav, syllables, write_wav};
+use crate::voice::{read_wav, write_wav};
 use serde_json::Value;
 use std::path::PathBuf;
 use std::process::ChildStdin;
+use test_support::speech::{PIECE, best_likeness, loudness, syllables};
 
 /// How the first one in opens the call.
 pub(crate) struct Host {

@@ -2,9 +2,10 @@
 
 use crate::both_ways::{begin, begin_steered, host};
 use crate::house::{House, Program, count};
-use crate::voice::{PIECE, best_likeness, loudness_at, read_wav, sung, syllables};
+use crate::voice::read_wav;
 use std::io::Write;
 use std::process::ChildStdin;
+use test_support::speech::{PIECE, best_likeness, loudness_at, sung, syllables};
 
 fn press(stdin: &mut ChildStdin, key: &str) {
     writeln!(stdin, "{key}").expect("it listens");

@@ -6,64 +6,8 @@ use sound_devices::{Loudspeaker, Microphone, SoundServer};
 use std::path::Path;
 use std::time::{Duration, Instant};
 use test_support::pulse::Pulse;
+use test_support::speech::{PIECE, RATE, best_likeness, loudness, syllables};
 use test_support::{onnx, vulkan};
-
-/// Samples a second of voice.
-const RATE: usize = link_voice::RATE as usize;
-/// Samples of a loudness, 20 ms, and from one to the next.
-const WINDOW: usize = RATE / 50;
-const STEP: usize = WINDOW / 4;
-/// Loudnesses that are compared at a time: 2.5 s.
-pub(crate) const PIECE: usize = RATE * 5 / 2 / STEP;
-/// Of the file, seconds.
-const SPOKEN: usize = 5;
-
-/// Syllables of 150 ms at 120 Hz, of which a fixed half is loud, another one for each person: no part of them looks like another.
-pub(crate) fn syllables(person: u32) -> Vec<f32> {
-    let mut random = person;
-    let mut loud = 0.0;
-    (0..SPOKEN * RATE)
-        .map(|k| {
-            let within = (k % (RATE * 3 / 20)) as f32 / (RATE * 3 / 20) as f32;
-            if within == 0.0 {
-                random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                loud = if random >> 31 == 0 { 0.5 } else { 0.03 };
-            }
-            let phase = (k as f32 * 120.0 / RATE as f32).fract();
-            loud * (within * std::f32::consts::PI).sin()
-                * (-6.0 * phase).exp()
-                * (phase * 30.0).sin()
-        })
-        .collect()
-}
-
-/// The same syllables sung at one pitch, Hz, by which a voice is told from others that are heard at the same time.
-pub(crate) fn sung(person: u32, pitch: f32) -> Vec<f32> {
-    let spoken = loudness(&syllables(person));
-    let tone = (0..SPOKEN * RATE).map(|k| {
-        let turns = (k as f32 / RATE as f32 * pitch).fract();
-        (turns * std::f32::consts::TAU).sin()
-    });
-    let strength = |k: usize| *spoken.get(k / STEP).unwrap_or(&0.0);
-    tone.enumerate()
-        .map(|(k, tone)| 2.0 * strength(k) * tone)
-        .collect()
-}
-
-/// As [`loudness`], of one pitch.
-pub(crate) fn loudness_at(samples: &[f32], pitch: f32) -> Vec<f32> {
-    (samples.windows(WINDOW).step_by(STEP))
-        .map(|window| {
-            let (mut real, mut imaginary) = (0.0, 0.0);
-            for (k, sample) in window.iter().enumerate() {
-                let angle = (k as f32 / RATE as f32 * pitch).fract() * std::f32::consts::TAU;
-                real += sample * angle.cos();
-                imaginary += sample * angle.sin();
-            }
-            real.hypot(imaginary) / WINDOW as f32
-        })
-        .collect()
-}
 
 /// One channel of 32 bits.
 pub(crate) fn write_wav(path: impl AsRef<Path>, sample_rate: u32, samples: &[f32]) {
@@ -94,33 +38,6 @@ pub(crate) fn read_both(path: &str) -> Vec<[f32; 2]> {
         .map(|sample| f32::from(sample.expect("a sample")) / 32_768.0)
         .collect();
     samples.as_chunks().0.to_vec()
-}
-
-pub(crate) fn loudness(samples: &[f32]) -> Vec<f32> {
-    (samples.windows(WINDOW).step_by(STEP))
-        .map(|window| (window.iter().map(|s| s * s).sum::<f32>() / WINDOW as f32).sqrt())
-        .collect()
-}
-
-/// Correlation of a piece with the part of what is said again and again that it is most like.
-pub(crate) fn best_likeness(said: &[f32], piece: &[f32]) -> f32 {
-    let twice = [said, said].concat();
-    (twice.windows(piece.len()))
-        .map(|part| likeness(part, piece))
-        .fold(f32::MIN, f32::max)
-}
-
-/// Correlation of two loudnesses.
-fn likeness(a: &[f32], b: &[f32]) -> f32 {
-    let mean = |of: &[f32]| of.iter().sum::<f32>() / of.len() as f32;
-    let (of_a, of_b) = (mean(a), mean(b));
-    let sum = |of: &dyn Fn(f32, f32) -> f32| {
-        a.iter()
-            .zip(b)
-            .map(|(a, b)| of(a - of_a, b - of_b))
-            .sum::<f32>()
-    };
-    sum(&|a, b| a * b) / (sum(&|a, _| a * a) * sum(&|_, b| b * b)).sqrt().max(1e-9)
 }
 
 #[test]

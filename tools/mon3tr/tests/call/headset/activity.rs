@@ -7,12 +7,13 @@ use super::viewer::monado;
 use crate::house::{House, Program, count, wait_for};
 use android_app::launch::Launch;
 use android_app::lifecycle::{Driver, Event};
-use android_app::receiver::{Device, HeadsetReceiver};
+use android_app::receiver::{Device, HeadsetReceiver, RecordingPermission};
 use android_app::storage::Folders;
 use renderer_openxr::runtime::Runtime;
 use std::io::{BufRead, Write};
 use std::path::Path;
 use std::process::ChildStdin;
+use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -293,6 +294,7 @@ fn an_activity() {
     let receiver = HeadsetReceiver::new(Device {
         open_xr: Box::new(Runtime::load),
         onnx_runtime: None,
+        recording: Arc::new(Granted),
     });
     let frames = receiver.frames();
     let mut driver = Driver::new(receiver, launch);
@@ -320,6 +322,17 @@ fn an_activity() {
             return;
         }
     }
+}
+
+/// A desktop's microphone needs no permission.
+struct Granted;
+
+impl RecordingPermission for Granted {
+    fn is_granted(&self) -> bool {
+        true
+    }
+
+    fn ask(&self) {}
 }
 
 /// The names of this process's threads.

@@ -2,6 +2,7 @@
 
 use android_rehearsal::protocol::{ActivityIndex, Extra, Intent};
 use std::ffi::CString;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// A Java object.
@@ -108,6 +109,8 @@ pub(super) enum Member {
     GetIntent,
     GetApplicationInfo,
     Finish,
+    CheckSelfPermission,
+    RequestPermissions,
     GetDataString,
     GetExtras,
     Get,
@@ -121,7 +124,7 @@ pub(super) enum Member {
 }
 
 /// The members that there are, by class, name and signature, as Android 10's framework has them.
-const MEMBERS: [(&str, &str, &str, Member); 17] = {
+const MEMBERS: [(&str, &str, &str, Member); 19] = {
     use Member::*;
     [
         (
@@ -137,6 +140,18 @@ const MEMBERS: [(&str, &str, &str, Member); 17] = {
             GetApplicationInfo,
         ),
         ("android/app/NativeActivity", "finish", "()V", Finish),
+        (
+            "android/app/NativeActivity",
+            "checkSelfPermission",
+            "(Ljava/lang/String;)I",
+            CheckSelfPermission,
+        ),
+        (
+            "android/app/NativeActivity",
+            "requestPermissions",
+            "([Ljava/lang/String;I)V",
+            RequestPermissions,
+        ),
         (
             "android/content/Intent",
             "getDataString",
@@ -255,6 +270,19 @@ pub(super) fn ask(
             note_finish(activity.index, Finish::Java);
             None
         }
+        (Object::Activity(_), Member::CheckSelfPermission) => {
+            let may = argument.is_some_and(is_microphone) && wearer().allows();
+            // PackageManager's PERMISSION_GRANTED and PERMISSION_DENIED.
+            Some(Arc::new(Object::Integer(if may { 0 } else { -1 })))
+        }
+        (Object::Activity(_), Member::RequestPermissions) => {
+            if let Some(Object::Array(names)) = argument
+                && names.iter().any(|name| is_microphone(name))
+            {
+                wearer().is_asked.store(true, Relaxed);
+            }
+            None
+        }
         (Object::Intent(intent), Member::GetDataString) => intent.data.as_deref().map(Object::text),
         (Object::Intent(intent), Member::GetExtras) => (intent.unparcelable
             || !intent.extras.is_empty())
@@ -289,6 +317,34 @@ pub(super) fn ask(
             return Err(format!("{member:?} was asked of a {}", object.class()));
         }
     })
+}
+
+/// The wearer, as REHEARSAL_WEARER says: `allows` the microphone once they are asked, has `allowed` it before, or refuses it.
+struct Wearer {
+    is_asked: AtomicBool,
+    says: String,
+}
+
+impl Wearer {
+    fn allows(&self) -> bool {
+        match self.says.as_str() {
+            "allowed" => true,
+            "allows" => self.is_asked.load(Relaxed),
+            _ => false,
+        }
+    }
+}
+
+fn wearer() -> &'static Wearer {
+    static WEARER: OnceLock<Wearer> = OnceLock::new();
+    WEARER.get_or_init(|| Wearer {
+        is_asked: AtomicBool::new(false),
+        says: std::env::var("REHEARSAL_WEARER").unwrap_or_default(),
+    })
+}
+
+fn is_microphone(name: &Object) -> bool {
+    matches!(name, Object::Text(text) if text.to_text() == "android.permission.RECORD_AUDIO")
 }
 
 static LIBRARIES: OnceLock<String> = OnceLock::new();

@@ -63,12 +63,14 @@ fn native_table() -> JNINativeInterface_ {
     table.GetStaticMethodID = Some(get_method_id);
     table.GetFieldID = Some(get_field_id);
     table.CallObjectMethodA = Some(call_object_method);
+    table.CallIntMethodA = Some(call_int_method);
     table.CallVoidMethodA = Some(call_void_method);
     table.GetObjectField = Some(get_object_field);
     table.NewStringUTF = Some(new_string);
     table.GetStringUTFChars = Some(get_string_chars);
     table.ReleaseStringUTFChars = Some(release_string_chars);
     table.GetStringUTFLength = Some(get_string_length);
+    table.NewObjectArray = Some(new_array);
     table.GetArrayLength = Some(get_array_length);
     table.GetObjectArrayElement = Some(get_array_element);
     table.ExceptionCheck = Some(exception_check);
@@ -268,22 +270,41 @@ unsafe extern "system" fn call_object_method(
     method: jmethodID,
     arguments: *const jvalue,
 ) -> jobject {
-    // The one method with an argument takes an object.
-    let takes_one = objects::member(method.addr()) == Some(objects::Member::Get);
-    let argument = (takes_one && !arguments.is_null())
+    held::local(ask(object, method.addr(), argument_of(method, arguments)))
+}
+
+/// The first argument of a method that takes an object.
+fn argument_of(method: jmethodID, arguments: *const jvalue) -> Option<Arc<Object>> {
+    use objects::Member::{CheckSelfPermission, Get, RequestPermissions};
+    let takes_one = matches!(
+        objects::member(method.addr()),
+        Some(Get | CheckSelfPermission | RequestPermissions)
+    );
+    (takes_one && !arguments.is_null())
         // SAFETY: the method's signature says that there is one, and that it is an object.
         .then(|| held::get(unsafe { (*arguments).l }))
-        .flatten();
-    held::local(ask(object, method.addr(), argument))
+        .flatten()
+}
+
+unsafe extern "system" fn call_int_method(
+    _: *mut JNIEnv,
+    object: jobject,
+    method: jmethodID,
+    arguments: *const jvalue,
+) -> jint {
+    match ask(object, method.addr(), argument_of(method, arguments)).as_deref() {
+        Some(Object::Integer(number)) => *number,
+        _ => 0,
+    }
 }
 
 unsafe extern "system" fn call_void_method(
     _: *mut JNIEnv,
     object: jobject,
     method: jmethodID,
-    _: *const jvalue,
+    arguments: *const jvalue,
 ) {
-    ask(object, method.addr(), None);
+    ask(object, method.addr(), argument_of(method, arguments));
 }
 
 unsafe extern "system" fn get_object_field(
@@ -330,6 +351,19 @@ unsafe extern "system" fn get_string_length(_: *mut JNIEnv, string: jstring) -> 
         Some(Object::Text(Text(text))) => jsize::try_from(text.as_bytes().len()).unwrap_or(0),
         _ => 0,
     }
+}
+
+unsafe extern "system" fn new_array(
+    _: *mut JNIEnv,
+    length: jsize,
+    class: jclass,
+    item: jobject,
+) -> jobjectArray {
+    no_exception("NewObjectArray");
+    // Its items are of that class.
+    class_of(class);
+    let items = held::get(item).map(|item| vec![item; usize::try_from(length).unwrap_or(0)]);
+    held::local(Some(Arc::new(Object::Array(items.unwrap_or_default()))))
 }
 
 unsafe extern "system" fn get_array_length(_: *mut JNIEnv, array: jarray) -> jsize {

@@ -2,9 +2,9 @@
 
 use crate::SoundError;
 use crate::clock::DeviceClock;
-use crate::connection::{Connection, Message, SoundServer};
-use crate::device::{Device, Stream};
-use crate::stream::{self, LONGEST_SILENCE, MEASURING, SAMPLE_BYTES};
+use crate::pulse::connection::{Connection, Message, SoundServer};
+use crate::pulse::device::{Device, Stream};
+use crate::pulse::stream::{self, LONGEST_SILENCE, MEASURING, SAMPLE_BYTES};
 use pulseaudio::protocol::stream::{BufferAttr, StreamFlags};
 use pulseaudio::protocol::{
     ChannelMap, Command, CreateRecordStreamReply, LatencyParams, RecordLatency, RecordStreamParams,

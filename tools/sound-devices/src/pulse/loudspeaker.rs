@@ -1,10 +1,10 @@
 //! The loudspeaker.
 
-use crate::SoundError;
 use crate::clock::DeviceClock;
-use crate::connection::{Connection, Message, SoundServer};
-use crate::device::{Device, Stream};
-use crate::stream::{self, LONGEST_SILENCE, MEASURING, PIECE, SAMPLE_BYTES};
+use crate::pulse::connection::{Connection, Message, SoundServer};
+use crate::pulse::device::{Device, Stream};
+use crate::pulse::stream::{self, LONGEST_SILENCE, MEASURING, PIECE, SAMPLE_BYTES};
+use crate::{Fill, SoundError};
 use pulseaudio::protocol::stream::{BufferAttr, StreamFlags};
 use pulseaudio::protocol::{
     ChannelMap, ChannelVolume, Command, CreatePlaybackStreamReply, LatencyParams, PlaybackLatency,
@@ -26,9 +26,6 @@ const AHEAD_BYTES: u32 = 4 * PIECE_BYTES;
 const MOST_ASKED: u32 = 16 * AHEAD_BYTES;
 /// Between two looks whether it is to stop.
 const STOPPING: Duration = Duration::from_millis(100);
-
-/// Makes the next samples, left and right: of a moment by an even clock, which are heard so much later. It is called by the loudspeaker's own thread.
-pub type Fill = Box<dyn FnMut(Instant, Duration, &mut [[f32; 2]]) + Send>;
 
 /// A loudspeaker that plays while this is there, again after it was away.
 #[derive(Debug)]

@@ -1,7 +1,7 @@
 //! What a microphone and a loudspeaker have in common: a stream of the sound server's, lost and found again.
 
 use crate::SoundError;
-use crate::connection::{Connection, SoundServer};
+use crate::pulse::connection::{Connection, SoundServer};
 use std::error::Error;
 use std::time::{Duration, Instant};
 
