@@ -59,6 +59,7 @@ const OPTIONAL: &[Wanted] = &[
     ),
     wanted!("XR_FB_face_tracking2", fb_face_tracking2),
     wanted!("XR_FB_eye_tracking_social", fb_eye_tracking_social),
+    wanted!("XR_EXT_eye_gaze_interaction", ext_eye_gaze_interaction),
     wanted!("XR_FB_passthrough", fb_passthrough),
     wanted!("XR_FB_display_refresh_rate", fb_display_refresh_rate),
     wanted!("XR_FB_swapchain_update_state", fb_swapchain_update_state),

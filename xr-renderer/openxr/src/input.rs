@@ -4,6 +4,7 @@
 //! is not known here.
 
 use std::fmt;
+use std::time::Instant;
 
 use glam::Affine3A;
 use openxr::sys;
@@ -11,6 +12,7 @@ use openxr::{Action, ActionSet, Binding, Instance, Path, Posef, Session, Space, 
 use openxr::{ActionTy, Vulkan};
 
 use crate::error::{XrContext, XrError};
+use crate::ext::gaze_interaction::GazeInteraction;
 use crate::ext::hand_tracking::{HandTracking, TrackedHand};
 use crate::ext::or_without;
 use crate::pose::base_from_space;
@@ -72,6 +74,7 @@ pub struct Input {
     /// Left, right.
     sides: [Side; 2],
     hands: Option<HandTracking>,
+    gaze: Option<GazeInteraction>,
     overlay_was_pressed: bool,
 }
 
@@ -113,8 +116,13 @@ impl Input {
         for profile in &PROFILES {
             actions.suggest(instance, profile);
         }
+        let gaze = or_without("a gaze", GazeInteraction::new(session, system));
+        let sets: Vec<_> = [&actions.set]
+            .into_iter()
+            .chain(gaze.as_ref().map(GazeInteraction::set))
+            .collect();
         session
-            .attach_action_sets(&[&actions.set])
+            .attach_action_sets(&sets)
             .during("xrAttachSessionActionSets")?;
         let side = |path| -> Result<Side, XrError> {
             let space = |action: &Action<Posef>| {
@@ -134,6 +142,7 @@ impl Input {
             session: session.clone(),
             sides,
             hands: or_without("bare hands", HandTracking::new(session, system)),
+            gaze,
             overlay_was_pressed: false,
             actions,
         })
@@ -150,7 +159,8 @@ impl Input {
     /// # Errors
     /// What the runtime says: a session or a runtime that is lost.
     pub fn sync(&mut self, time: Time, floor: &Space) -> Result<Controls, XrError> {
-        if !self.actions.sync(&self.session)? {
+        let gaze = self.gaze.as_ref().filter(|gaze| gaze.is_wanted());
+        if !(self.actions).sync(&self.session, gaze.map(GazeInteraction::set))? {
             for side in &mut self.sides {
                 side.holds = false;
             }
@@ -201,6 +211,12 @@ impl Input {
         }
         Ok(hands)
     }
+
+    /// Where the wearer looks, for headsets that tell it as input: between the eyes, -z ahead. Known from the second time on that it is
+    /// asked for, after the [`Self::sync`] between them.
+    pub(crate) fn gaze(&mut self, floor: &Space, (at, time): (Instant, Time)) -> Option<Affine3A> {
+        self.gaze.as_mut()?.locate(floor, at, time)
+    }
 }
 
 impl Actions {
@@ -239,19 +255,23 @@ impl Actions {
         }
     }
 
-    /// Brings the actions up to date. False while the session is not focused. Raw, because the wrapper drops that.
-    fn sync(&self, session: &Session<Vulkan>) -> Result<bool, XrError> {
-        let active = sys::ActiveActionSet {
-            action_set: self.set.as_raw(),
+    /// Brings the actions up to date, and those of `another` set. False while the session is not focused. Raw, because the wrapper drops that.
+    fn sync(
+        &self,
+        session: &Session<Vulkan>,
+        another: Option<&ActionSet>,
+    ) -> Result<bool, XrError> {
+        let active = [Some(&self.set), another].map(|set| sys::ActiveActionSet {
+            action_set: set.unwrap_or(&self.set).as_raw(),
             subaction_path: Path::NULL,
-        };
+        });
         let info = sys::ActionsSyncInfo {
             ty: sys::ActionsSyncInfo::TYPE,
             next: std::ptr::null(),
-            count_active_action_sets: 1,
-            active_action_sets: &active,
+            count_active_action_sets: if another.is_some() { 2 } else { 1 },
+            active_action_sets: active.as_ptr(),
         };
-        // SAFETY: the session and the set are alive, and `info` is whole.
+        // SAFETY: the session and the sets are alive, and `info` is whole.
         let result = unsafe { (session.instance().fp().sync_actions)(session.as_raw(), &info) };
         let code = crate::ext::outcome(result).during("xrSyncActions")?;
         Ok(code != sys::Result::SESSION_NOT_FOCUSED)

@@ -365,7 +365,8 @@ impl Session {
         let now = now.unwrap_or((frame.predicted, frame.time));
         let floor = &self.space.floor;
         let hands = self.input.wearer(now.1, floor)?;
-        self.wearer.locate(floor, now, hands)
+        let gaze = || self.input.gaze(floor, now);
+        self.wearer.locate(floor, now, hands, gaze)
     }
 
     /// Waits until the device has nothing left to do for the session.

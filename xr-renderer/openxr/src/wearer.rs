@@ -79,12 +79,13 @@ impl WearerTrackers {
         self.origin = self.origin.wrapping_add(1);
     }
 
-    /// The wearer whose hands are `hands` at that time.
+    /// The wearer whose hands are `hands` at that time. `gaze` is both eyes', and asked for where nothing tells each one's: it is taken for sure.
     pub(crate) fn locate(
         &mut self,
         floor: &Space,
         (at, time): (Instant, Time),
         hands: [WearerHand; 2],
+        gaze: impl FnOnce() -> Option<Affine3A>,
     ) -> Result<Wearer, XrError> {
         let (session, system) = (&self.session, self.system);
         let body = self.body.read(
@@ -109,7 +110,13 @@ impl WearerTrackers {
             hands,
             body,
             face,
-            gazes: gazes.unwrap_or_default(),
+            gazes: gazes.unwrap_or_else(|| {
+                let both = gaze().map(|floor_from_eye| Gaze {
+                    floor_from_eye,
+                    confidence: 1.0,
+                });
+                [both; 2]
+            }),
             origin: self.origin,
         })
     }

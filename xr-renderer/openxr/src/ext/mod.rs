@@ -9,6 +9,7 @@ pub mod depth;
 pub mod eye_tracking;
 pub mod face_tracking;
 pub mod foveation;
+pub(crate) mod gaze_interaction;
 pub mod hand_tracking;
 mod on_first_use;
 pub mod passthrough;

@@ -111,9 +111,10 @@ pub(super) unsafe extern "system" fn get_current_profile(
 
 pub(super) unsafe extern "system" fn sync_actions(
     session: sys::Session,
-    _info: *const sys::ActionsSyncInfo,
+    info: *const sys::ActionsSyncInfo,
 ) -> XrResult {
-    call(session, "xrSyncActions", "", |world| {
+    let sets = read(info).count_active_action_sets;
+    call(session, "xrSyncActions", sets.to_string(), |world| {
         if world.attached {
             OK
         } else {

@@ -107,6 +107,7 @@ impl FakeRuntime {
             world.system.face_seen = true;
             world.system.face_heard = true;
             world.system.eye_tracking = true;
+            world.system.eye_gaze = true;
         });
         fake
     }

@@ -19,6 +19,7 @@ pub(super) const EXTENSIONS: &[&str] = &[
     FIDELITY,
     FACE,
     EYES,
+    "XR_EXT_eye_gaze_interaction",
     PASSTHROUGH,
     RATE,
     UPDATE,

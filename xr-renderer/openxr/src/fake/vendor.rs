@@ -56,6 +56,14 @@ pub(super) fn fill_system(world: &World, ty: StructureType, at: *mut c_void) {
                 to.supports_eye_tracking = system.eye_tracking.into();
             });
         }
+        StructureType::SYSTEM_EYE_GAZE_INTERACTION_PROPERTIES_EXT
+            if has("XR_EXT_eye_gaze_interaction") =>
+        {
+            change(
+                at.cast::<sys::SystemEyeGazeInteractionPropertiesEXT>(),
+                |to| to.supports_eye_gaze_interaction = system.eye_gaze.into(),
+            );
+        }
         StructureType::SYSTEM_PASSTHROUGH_PROPERTIES_FB if has("XR_FB_passthrough") => {
             change(at.cast::<sys::SystemPassthroughPropertiesFB>(), |to| {
                 to.supports_passthrough = system.passthrough_of_old.into();

@@ -39,6 +39,7 @@ pub(crate) struct System {
     pub(crate) face_seen: bool,
     pub(crate) face_heard: bool,
     pub(crate) eye_tracking: bool,
+    pub(crate) eye_gaze: bool,
 }
 
 /// A frame that was ended.
@@ -49,6 +50,9 @@ pub(crate) struct EndedFrame {
     /// Each as text, in order: its type, its flags, its views, with what is chained to them.
     pub(crate) layers: Vec<String>,
 }
+
+/// The interaction profile of the eyes.
+const EYES_PROFILE: &str = "/interaction_profiles/ext/eye_gaze_interaction";
 
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Place {
@@ -272,7 +276,8 @@ impl World {
     /// The active sources of an action, in the profile in use. The profile of the eyes is always in use.
     pub(super) fn sources_of(&self, action: u64, subaction: u64) -> Vec<Source> {
         let hand = self.path(subaction);
-        let in_use = |profile: &String| Some(profile.as_str()) == self.profile;
+        let in_use =
+            |profile: &String| Some(profile.as_str()) == self.profile || profile == EYES_PROFILE;
         self.bindings
             .iter()
             .filter(|(profile, bound, source)| {

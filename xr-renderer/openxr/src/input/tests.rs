@@ -226,3 +226,68 @@ fn a_runtime_that_refuses_actions_is_an_error_that_names_the_call() {
         assert!(error.to_string().contains(call), "{error}");
     }
 }
+
+const GAZE: &str = "/user/eyes_ext/input/gaze_ext/pose";
+
+impl Scene {
+    fn gaze(&mut self) -> Option<Affine3A> {
+        self.sync();
+        let now = (Instant::now(), Time::from_nanos(1));
+        self.input.gaze(&self.floor, now)
+    }
+}
+
+#[test]
+fn eyes_are_followed_from_when_somebody_asks() {
+    let mut scene = Scene::new();
+    scene.fake.put(GAZE, posef(&at(0.01)));
+    scene.sync();
+    scene.gaze();
+    assert_eq!(scene.fake.calls("xrSyncActions"), ["1", "1"], "hands only");
+    let gaze = scene.gaze().expect("it is known");
+    assert!(gaze.abs_diff_eq(at(0.01), 1e-6), "{gaze}");
+    let synced = scene.fake.calls("xrSyncActions");
+    assert_eq!(synced.last().map(String::as_str), Some("2"), "eyes too");
+    scene.fake.put(GAZE, {
+        let mut nowhere = posef(&at(0.0));
+        nowhere.position.x = f32::NAN;
+        nowhere
+    });
+    assert_eq!(scene.gaze(), None, "no number");
+    scene.fake.set(|world| world.sources.remove(GAZE));
+    assert_eq!(scene.gaze(), None, "not tracked");
+}
+
+#[test]
+fn without_a_gaze_or_with_one_that_is_refused_hands_work_on() {
+    const PROFILE: &str = "/interaction_profiles/ext/eye_gaze_interaction";
+    let changes: [fn(&mut crate::fake::World); 3] = [
+        |world| {
+            world
+                .extensions
+                .retain(|name| *name != "XR_EXT_eye_gaze_interaction");
+        },
+        |world| world.system.eye_gaze = false,
+        |world| world.refused_profiles.push(PROFILE),
+    ];
+    for (number, change) in changes.into_iter().enumerate() {
+        let fake = FakeRuntime::with_everything();
+        fake.set(change);
+        let mut scene = Scene::of(fake);
+        scene.fake.put(GAZE, posef(&at(0.01)));
+        scene.fake.hold_controllers(Some(SIMPLE));
+        let grip = "/user/hand/right/input/grip/pose";
+        scene.fake.put(grip, posef(&at(0.2)));
+        for _ in 0..2 {
+            assert_eq!(scene.gaze(), None, "way {number}");
+        }
+        let hand = scene.sync().hands[1];
+        assert!(hand.floor_from_grip.is_some(), "way {number}: a hand");
+    }
+    for call in ["xrCreateActionSpace", "xrLocateSpace"] {
+        let mut scene = Scene::new();
+        scene.fake.put(GAZE, posef(&at(0.01)));
+        scene.fake.fail(call, XrResult::ERROR_RUNTIME_FAILURE);
+        assert_eq!(scene.gaze(), None, "where {call} fails");
+    }
+}

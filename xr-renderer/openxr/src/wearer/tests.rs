@@ -50,6 +50,8 @@ struct Scene {
     trackers: WearerTrackers,
     floor: Space,
     now: Instant,
+    /// Both eyes', by other means.
+    gaze: Option<Affine3A>,
     fake: FakeRuntime,
 }
 
@@ -88,6 +90,7 @@ impl Scene {
                 .create_reference_space(ReferenceSpaceType::LOCAL_FLOOR, Posef::IDENTITY)
                 .expect("a space"),
             now: Instant::now(),
+            gaze: None,
             fake,
         }
     }
@@ -106,7 +109,8 @@ impl Scene {
     fn locate(&mut self) -> Wearer {
         let when = (self.now, Time::from_nanos(5));
         let hands = [WearerHand::default(); 2];
-        (self.trackers.locate(&self.floor, when, hands)).expect("a wearer")
+        let wearer = self.trackers.locate(&self.floor, when, hands, || self.gaze);
+        wearer.expect("a wearer")
     }
 }
 
@@ -331,6 +335,24 @@ fn the_better_tracking_of_a_body_is_asked_for_and_is_no_condition() {
     let mut refused = Scene::new();
     refused.fake.fail(name, XrResult::ERROR_FEATURE_UNSUPPORTED);
     assert_eq!(asked(&mut refused), ["HIGH"], "refused");
+}
+
+#[test]
+fn one_gaze_for_both_eyes_serves_where_nothing_tells_each_ones() {
+    let gaze = Affine3A::from_rotation_y(0.3);
+    let mut scene = Scene::new();
+    scene.gaze = Some(gaze);
+    let eye = scene.locate().gazes[0].expect("an eye").floor_from_eye;
+    assert!(!eye.abs_diff_eq(gaze, 0.1), "each eye's own");
+    scene.fake.set(|world| world.watched.gazes = [None; 2]);
+    assert_eq!(scene.locate().gazes, [None; 2], "shut eyes look nowhere");
+    let mut without = Scene::with(|world| world.system.eye_tracking = false);
+    without.gaze = Some(gaze);
+    let both = Some(Gaze {
+        floor_from_eye: gaze,
+        confidence: 1.0,
+    });
+    assert_eq!(without.locate().gazes, [both; 2], "both eyes");
 }
 
 #[test]
