@@ -2,10 +2,11 @@
 
 use crate::command::command;
 use crate::house::{House, Program, count};
-use crate::voice::{loudness_at, read_both, sung, write_wav};
+use crate::voice::{read_both, write_wav};
 use image::RgbImage;
 use serde_json::Value;
 use synthetic_person::{Puppet, PuppetSize};
+use test_support::speech::{loudness_at, sung};
 use test_support::{onnx, vulkan};
 
 /// Gaussians of the first person, and of the other.

@@ -3,7 +3,6 @@
 use super::viewer::monado;
 use crate::both_ways::{host, prepare};
 use crate::house::{House, Program, wait_for};
-use crate::voice::syllables;
 use glam::{Mat3, Quat, Vec3};
 use link_call::{CallEvent, Viewer};
 use link_http::Client;
@@ -15,6 +14,7 @@ use std::time::Duration;
 use synthetic_person::Puppet;
 use test_support::monado::{Controller, Pose, Scripted};
 use test_support::service::attended;
+use test_support::speech::syllables;
 
 /// Frames of motion that a pose may take from the driver to another person. They are counted, because the time of one is not bounded.
 const FRAMES: u32 = 150;
