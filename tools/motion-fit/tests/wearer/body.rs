@@ -1,11 +1,14 @@
 //! The tracked body: joints of a recorded motion as a runtime gives them, each with axes of its own.
 
-use crate::common::{M3, Random, add, forward, frames, mul, recording, rodrigues, scale, skeleton};
+use crate::common::{
+    M3, Random, V3, add, forward, frames, mul, norm, recording, rodrigues, scale, skeleton, sub,
+};
 use crate::errors::{Errors, check, check_slides, follow, percentile, print};
 use crate::truth::{TURNED, Truth, affine, rest};
+use glam::Vec3;
 use motion_fit::wearer::{Stance, WEARER_JOINTS, WearerBody, WearerFit, WearerHand};
 use motion_fit::wearer::{WearerJoint, WearerSample};
-use spmm3::MotionParams;
+use spmm3::{Joint, MotionParams, Skeleton};
 
 /// Joints of `XrFullBodyJointMETA`, and SMPL-X's that are there: of both sides, by the names in the specification.
 const PAIRS: [(usize, usize); 20] = [
@@ -204,8 +207,8 @@ fn a_body_that_comes_and_goes_does_not_make_the_avatar_jump() {
             // More than the person themselves moves, at this rate.
             let (_, then) = forward(&skeleton, &motions[number - 1]);
             for joint in [0, 4, 5, 7, 8, 18, 19] {
-                let step = crate::common::norm(crate::common::sub(joints[joint], before[joint]));
-                let real = crate::common::norm(crate::common::sub(truly[joint], then[joint]));
+                let step = norm(sub(joints[joint], before[joint]));
+                let real = norm(sub(truly[joint], then[joint]));
                 worst = worst.max(step - real);
             }
         }
@@ -246,5 +249,85 @@ fn joints_that_are_no_numbers_are_left_out() {
         let fitted = fit.step(&sample).expect("a head");
         let all = fitted.motion.values().iter().all(|value| value.is_finite());
         assert!(all, "frame {number}");
+    }
+}
+
+/// The tests' skeleton with arms that are 6 % longer and legs that are 4 % shorter, standing on the same floor.
+fn differently_built() -> Skeleton {
+    let usual = skeleton();
+    let old = usual.rest_positions();
+    let mut rest = *old;
+    for joint in Joint::ALL {
+        let Some(parent) = joint.parent() else {
+            continue;
+        };
+        let longer = match joint {
+            Joint::LeftElbow | Joint::RightElbow | Joint::LeftWrist | Joint::RightWrist => 1.06,
+            Joint::LeftKnee | Joint::RightKnee | Joint::LeftAnkle | Joint::RightAnkle => 0.96,
+            _ => 1.0,
+        };
+        let along = old[joint.index()] - old[parent.index()];
+        rest[joint.index()] = rest[parent.index()] + longer * along;
+    }
+    let ankle = Joint::LeftAnkle.index();
+    let lower = old[ankle].y - rest[ankle].y;
+    Skeleton::new(rest.map(|place| place + Vec3::Y * lower)).expect("finite")
+}
+
+#[test]
+fn limbs_of_another_length_point_where_the_wearers_do() {
+    let (avatar, built) = (skeleton(), differently_built());
+    for name in RECORDINGS {
+        let Some(clip) = recording(name) else {
+            return;
+        };
+        let truth = Truth {
+            skeleton: &built,
+            size: 1.0,
+        };
+        let runtime = Runtime::new();
+        let mut fit = WearerFit::new(&avatar, Stance::Standing);
+        let mut origin = None;
+        let (mut arms, mut legs, mut wrists) = (Vec::new(), Vec::new(), Vec::new());
+        for (number, motion) in frames(&clip, 72.0).iter().enumerate() {
+            let mut sample = truth.sample(number as f64 / 72.0, motion);
+            sample.body = Some(runtime.body(&truth, motion, 0.003));
+            let fitted = fit.step(&sample).expect("a head");
+            let (_, truly) = forward(&built, motion);
+            let (_, joints) = forward(&avatar, &fitted.motion);
+            let floor = |at: V3| {
+                let at = fit.floor_from_motion(glam::DVec3::from_array(at));
+                at.expect("begun").to_array()
+            };
+            let start = *origin.get_or_insert(floor([0.0; 3]));
+            assert_eq!(start, floor([0.0; 3]), "floor space stays");
+            let direction = |from: V3, to: V3| {
+                let along = sub(to, from);
+                scale(along, 1.0 / norm(along))
+            };
+            let apart = |from: usize, to: usize| {
+                let is = direction(floor(joints[from]), floor(joints[to]));
+                let was = direction(truth.floor(truly[from]), truth.floor(truly[to]));
+                2.0 * (norm(sub(is, was)) / 2.0).asin()
+            };
+            arms.extend([(16, 18), (18, 20), (17, 19), (19, 21)].map(|(a, b)| apart(a, b)));
+            legs.extend([(1, 4), (4, 7), (2, 5), (5, 8)].map(|(a, b)| apart(a, b)));
+            for wrist in [20, 21] {
+                wrists.push(norm(sub(floor(joints[wrist]), truth.floor(truly[wrist]))));
+            }
+        }
+        let [arms, legs] = [arms, legs].map(|all| [0.5, 0.95].map(|p| percentile(&all, p)));
+        let wrists = percentile(&wrists, 0.95);
+        println!(
+            "{name}, other limbs: arms {:.1?} degrees, legs {:.1?} degrees (median, 95th percentile), wrists {:.1} mm",
+            arms.map(f64::to_degrees),
+            legs.map(f64::to_degrees),
+            wrists * 1e3
+        );
+        assert!(
+            arms[1] < 0.12 && legs[1] < 0.08,
+            "{arms:?}, {legs:?} radians"
+        );
+        assert!(wrists < 0.03, "the wrists by {wrists} m");
     }
 }
