@@ -64,6 +64,7 @@
 //! ```
 
 pub mod arrival;
+pub mod attendee;
 pub mod call;
 pub mod clip;
 pub mod display;

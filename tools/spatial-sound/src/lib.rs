@@ -31,7 +31,7 @@ const SHADOW_LEAST: f32 = 0.1;
 const SHADOW_ANGLE: f32 = 150.0 / 180.0 * PI;
 
 /// One voice's way to both ears. It follows the place smoothly: over each piece from the place of the piece before.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Binaural {
     line: DelayLine,
     /// The left one and the right one.
@@ -108,15 +108,6 @@ impl Ear {
             - (CORNER - STEP) * WHOLE * output;
         self.last = [sample, heard];
         heard
-    }
-}
-
-impl Default for Binaural {
-    fn default() -> Self {
-        Self {
-            line: DelayLine::default(),
-            ears: [Ear::default(), Ear::default()],
-        }
     }
 }
 

@@ -25,6 +25,7 @@ fn noise(count: usize) -> Vec<f32> {
         .collect()
 }
 
+#[allow(clippy::cast_possible_truncation, reason = "samples are singles")]
 fn tone(hertz: f64, count: usize) -> Vec<f32> {
     (0..count)
         .map(|k| (k as f64 * hertz / f64::from(RATE) * std::f64::consts::TAU).sin() as f32 * 0.5)
@@ -32,7 +33,9 @@ fn tone(hertz: f64, count: usize) -> Vec<f32> {
 }
 
 /// At this angle from ahead to the right, radians, on the level of the ears.
-fn beside(azimuth: f32) -> Vec3 {
+fn beside(azimuth: f64) -> Vec3 {
+    #[allow(clippy::cast_possible_truncation, reason = "places are singles")]
+    let azimuth = azimuth as f32;
     Vec3::new(azimuth.sin(), 0.0, -azimuth.cos()) * REFERENCE_DISTANCE
 }
 
@@ -51,16 +54,16 @@ fn power(samples: &[f64]) -> f64 {
 /// By how many samples the left ear hears later: the maximum of the correlation of both, between samples by a parabola.
 fn later(heard: &[[f32; 2]]) -> f64 {
     let (left, right) = (ear(heard, 0), ear(heard, 1));
-    let correlation = |lag: i64| -> f64 {
+    let correlation = |lag: i32| -> f64 {
         (100..left.len() - 100)
-            .map(|k| left[k] * right[(k as i64 - lag) as usize])
+            .map(|k| left[k] * right[usize::try_from(k as i64 - i64::from(lag)).expect("within")])
             .sum()
     };
     let best = (-50..=50)
         .max_by(|a, b| correlation(*a).total_cmp(&correlation(*b)))
         .expect("lags");
     let [a, b, c] = [best - 1, best, best + 1].map(correlation);
-    best as f64 + (a - c) / (2.0 * (a - 2.0 * b + c))
+    f64::from(best) + (a - c) / (2.0 * (a - 2.0 * b + c))
 }
 
 #[test]
@@ -68,7 +71,7 @@ fn the_far_ear_hears_later_by_woodworths_formula() {
     let voice = noise(20 * PIECE);
     for degrees in [-90.0f64, -60.0, -30.0, 0.0, 15.0, 45.0, 75.0, 90.0] {
         let azimuth = degrees.to_radians();
-        let both = heard(&voice, |_| Some(beside(azimuth as f32)));
+        let both = heard(&voice, |_| Some(beside(azimuth)));
         let expected = f64::from(HEAD_RADIUS) / f64::from(SPEED_OF_SOUND)
             * (azimuth + azimuth.sin())
             * f64::from(RATE);
@@ -86,7 +89,7 @@ fn the_shadow_is_that_of_a_sphere_at_every_pitch() {
     for hertz in [200.0f64, 1_000.0, 4_000.0] {
         let voice = tone(hertz, 20 * PIECE);
         for degrees in [0.0f64, 40.0, 90.0, 140.0] {
-            let both = heard(&voice, |_| Some(beside(degrees.to_radians() as f32)));
+            let both = heard(&voice, |_| Some(beside(degrees.to_radians())));
             for (number, from_ear) in [(0, 90.0 + degrees), (1, (90.0 - degrees).abs())] {
                 let high = 1.05
                     + 0.95
@@ -146,7 +149,7 @@ fn a_voice_that_flies_around_the_head_does_not_click() {
     let voice = tone(300.0, 100 * PIECE);
     // A turn a second, which no one does.
     let both = heard(&voice, |k| {
-        Some(beside(k as f32 / 100.0 * std::f32::consts::TAU))
+        Some(beside(k as f64 / 100.0 * std::f64::consts::TAU))
     });
     let bend = |number: usize| {
         let samples = ear(&both, number);

@@ -1,10 +1,10 @@
 //! People who come and go while a session is shown: each newcomer is joined and made ready in the background, then taken into the picture between two frames;
 //! to whoever has left, goodbye is said in the background.
 
-use super::{Attendee, SCENERY_GAUSSIANS, SessionError};
+use super::{SCENERY_GAUSSIANS, SessionError};
+use crate::attendee::{Attendee, PersonReport};
 use crate::call::CallWatch;
 use crate::participant::{Participant, PersonSource};
-use crate::session::PersonReport;
 use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::{FinishedPerson, Lanes, PausableSource};

@@ -14,19 +14,16 @@ pub use flat::{FlatView, LoadBackground, Standpoint};
 pub use offscreen::{DrawnPicture, OffscreenDisplay, PictureObserver};
 pub use stills::{Still, StillsDisplay};
 
-use crate::call::CallWatch;
+use crate::attendee::Attendee;
 use crate::participant::PersonSource;
 use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::Lanes;
-use app_pipeline::placement::PlacementReport;
 use attendance::Attendance;
-use link_voice::VoiceQueue;
 use renderer_openxr::error::XrError;
 use renderer_splat::camera::Camera;
 use renderer_splat::options::RendererOptions;
 use renderer_vulkan::gpu::Gpu;
-use spmm3::Avatar;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -77,19 +74,6 @@ pub struct LiveSession<'a> {
     pub(crate) own: usize,
     /// Where newcomers are taken in.
     pub(crate) attendance: Option<&'a mut Attendance>,
-}
-
-/// A person of a session while it is shown.
-#[derive(Debug)]
-pub struct Attendee {
-    /// What they look like.
-    pub avatar: Arc<Avatar>,
-    /// What runs where.
-    pub placement: PlacementReport,
-    /// What is counted and told of the call with them, if their motion comes from one.
-    pub watch: Option<CallWatch>,
-    /// What they say, if anything.
-    pub(crate) voice: Option<VoiceQueue>,
 }
 
 impl LiveSession<'_> {

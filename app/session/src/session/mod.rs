@@ -2,12 +2,11 @@
 
 mod report;
 
-pub use report::{PersonReport, SessionReport};
+pub use report::SessionReport;
 
+use crate::attendee::{Attendee, PersonReport};
 use crate::display::attendance::{Attendance, Doorway, Ready};
-use crate::display::{
-    Attendee, Display, DisplayNeeds, LiveSession, SCENERY_GAUSSIANS, SessionError,
-};
+use crate::display::{Display, DisplayNeeds, LiveSession, SCENERY_GAUSSIANS, SessionError};
 use crate::participant::{Origin, Participant, PersonSource};
 use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;

@@ -1,12 +1,7 @@
 //! What is left of a session.
 
-use crate::call::CallWatch;
-use crate::display::Attendee;
-use crate::participant::{CallReport, PersonSource};
-use app_pipeline::error::ReceiverError;
-use app_pipeline::lanes::{FinishedPerson, PausableSource, Skipped};
-use app_pipeline::placement::PlacementReport;
-use app_pipeline::profile::Collector;
+use crate::attendee::PersonReport;
+use app_pipeline::lanes::Skipped;
 use app_pipeline::quality::QualityFigures;
 use renderer_splat::back_ends::BackEndTrial;
 use renderer_splat::options::BackEnd;
@@ -29,39 +24,4 @@ pub struct SessionReport {
     pub began: Instant,
     /// ... and ended.
     pub ended: Instant,
-}
-
-/// What a session came to for one person.
-#[derive(Debug)]
-pub struct PersonReport {
-    /// The call, where their motion came from one.
-    pub call: Option<CallReport>,
-    /// What ended a lane of theirs: from then on they were not shown.
-    pub error: Option<ReceiverError>,
-    /// What was counted and told of the call, which tells whose report this is.
-    pub watch: Option<CallWatch>,
-    /// What ran where.
-    pub placement: PlacementReport,
-    /// What the person's lanes recorded, and the GPU's of pictures with them.
-    pub collector: Collector,
-}
-
-impl PersonReport {
-    /// Says goodbye to a person whose lanes were stopped.
-    pub(crate) fn of(finished: FinishedPerson<PersonSource>, attendee: Attendee) -> Self {
-        let Attendee {
-            mut placement,
-            watch,
-            ..
-        } = attendee;
-        placement.follow(finished.provider_changes);
-        let motion = |source: PersonSource| PausableSource::into_source(source).into_source();
-        Self {
-            call: (finished.source).and_then(|source| motion(source).end()),
-            error: finished.error,
-            watch,
-            placement,
-            collector: finished.collector,
-        }
-    }
 }

@@ -10,7 +10,8 @@ use app_pipeline::lanes::Skipped;
 use app_pipeline::placement::PlacementReport;
 use app_pipeline::profile::{Occupancy, PictureFigures, Recording, StageSummary, Summary, Terms};
 use app_pipeline::quality::QualityFigures;
-use app_session::session::{PersonReport, SessionReport};
+use app_session::attendee::PersonReport;
+use app_session::session::SessionReport;
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
