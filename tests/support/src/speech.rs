@@ -2,10 +2,10 @@
 
 /// Samples a second of voice.
 pub const RATE: usize = 48_000;
-/// Samples of a loudness, 20 ms, and from one to the next.
-const WINDOW: usize = RATE / 50;
+/// Samples of a loudness: 20 ms.
+pub const WINDOW: usize = RATE / 50;
 /// From one loudness to the next, samples.
-const STEP: usize = WINDOW / 4;
+pub const STEP: usize = WINDOW / 4;
 /// Loudnesses that are compared at a time: 2.5 s.
 pub const PIECE: usize = RATE * 5 / 2 / STEP;
 /// Of what is said again and again, seconds.

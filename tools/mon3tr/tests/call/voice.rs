@@ -6,7 +6,7 @@ use sound_devices::{Loudspeaker, Microphone, SoundServer};
 use std::path::Path;
 use std::time::{Duration, Instant};
 use test_support::pulse::Pulse;
-use test_support::speech::{PIECE, RATE, best_likeness, loudness, syllables};
+use test_support::speech::{PIECE, STEP, WINDOW, best_likeness, loudness, syllables};
 use test_support::{onnx, vulkan};
 
 /// One channel of 32 bits.
