@@ -116,54 +116,6 @@ pub(crate) fn ask_to_record(app: &AndroidApp) {
     }
 }
 
-/// What the wearer gives who lets the app hear them.
-const RECORD_AUDIO: &str = "android.permission.RECORD_AUDIO";
-/// `PackageManager.PERMISSION_GRANTED`.
-const GRANTED: i32 = 0;
-/// Of the request, where an app makes several.
-const REQUEST: i32 = 1;
-
-/// Whether the app may record.
-pub(crate) fn may_record(app: &AndroidApp) -> bool {
-    let mut found = None;
-    let asked = with(app, |env, activity| {
-        let name = env.new_string(RECORD_AUDIO)?;
-        let arguments = [JValue::Object(&name)];
-        let answer = env.call_method(
-            activity,
-            "checkSelfPermission",
-            "(Ljava/lang/String;)I",
-            &arguments,
-        )?;
-        found = Some(answer.i()?);
-        Ok(())
-    });
-    if let Err(error) = asked {
-        log::debug!("Android does not say whether the app may record: {error}");
-    }
-    found == Some(GRANTED)
-}
-
-/// Has Android ask the wearer whether the app may record. Their answer is seen by [`may_record`]: it comes to Java's side, which the app has
-/// none of.
-pub(crate) fn ask_to_record(app: &AndroidApp) {
-    let asked = with(app, |env, activity| {
-        let name = env.new_string(RECORD_AUDIO)?;
-        let names = env.new_object_array(1, "java/lang/String", &name)?;
-        let arguments = [JValue::Object(&names), JValue::Int(REQUEST)];
-        env.call_method(
-            activity,
-            "requestPermissions",
-            "([Ljava/lang/String;I)V",
-            &arguments,
-        )?
-        .v()
-    });
-    if let Err(error) = asked {
-        log::warn!("Android does not ask whether the app may record: {error}");
-    }
-}
-
 /// Calls the activity.
 fn with(
     app: &AndroidApp,

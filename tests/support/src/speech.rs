@@ -2,7 +2,7 @@
 
 /// Samples a second of voice.
 pub const RATE: usize = 48_000;
-/// Samples of a loudness, 20 ms.
+/// Samples of a loudness: 20 ms.
 pub const WINDOW: usize = RATE / 50;
 /// From one loudness to the next, samples.
 pub const STEP: usize = WINDOW / 4;
