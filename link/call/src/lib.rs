@@ -36,6 +36,7 @@
 
 mod addresses;
 mod error;
+pub mod forward;
 mod losses;
 mod nudge;
 pub mod path;

@@ -570,7 +570,7 @@ async fn send_motion(
                         answer_bye(peer, session).await;
                         return "it hung up";
                     }
-                    Some(Message::Pong(_) | Message::State(_)) | None => log::debug!("ignored a message of {} bytes", bytes.len()),
+                    Some(Message::Pong(_) | Message::State(_) | Message::Forwarded { .. }) | None => log::debug!("ignored a message of {} bytes", bytes.len()),
                 }
             }
             () = sleep_until(doubt_at.unwrap_or(silent_at)), if doubt_at.is_some() => {

@@ -36,6 +36,8 @@ pub(crate) struct Session {
     pub(crate) id: u32,
     /// The session's name on the server.
     pub(crate) name: Name,
+    /// The session of motion frames: this one, or another that is forwarded.
+    motion: u32,
     pub(crate) decoder: Decoder,
     pub(crate) offset: ClockOffset,
     /// Capture of the last frame, by the sender's clock.
@@ -77,6 +79,7 @@ impl Session {
             path,
             id,
             name: answer.session,
+            motion: id,
             decoder: Decoder::new(id),
             offset: ClockOffset::new(),
             newest_captured: None,
@@ -88,6 +91,17 @@ impl Session {
         };
         session.send_feedback(clock, &mut Vec::new()).await;
         Ok(session)
+    }
+
+    /// Reads motion of this session from now on, which is forwarded; whether that is another one than before.
+    pub(crate) fn follow(&mut self, of: u32) -> bool {
+        if self.motion == of {
+            return false;
+        }
+        self.motion = of;
+        self.decoder = Decoder::new(of);
+        self.newest_captured = None;
+        true
     }
 
     /// Sends a feedback if one is due.

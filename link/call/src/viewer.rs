@@ -408,6 +408,13 @@ impl Call {
                     self.state = Some(person);
                 }
             }
+            Some(Message::Forwarded { of }) => {
+                if session.follow(of) {
+                    // Another sender's motion, or the same one's who came back: its sequences and times begin anew.
+                    self.voice.begin_connection();
+                    self.emit(CallEvent::Joined);
+                }
+            }
             Some(Message::Feedback(_)) => log::debug!("ignored a feedback from the sender"),
             None => match session.decoder.decode(bytes) {
                 Ok(frame) => {

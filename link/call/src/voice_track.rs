@@ -80,7 +80,7 @@ fn in_audio_section(section: &str) -> Option<u8> {
 }
 
 /// A packet that arrived, as far as RTP tells.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct VoicePacket {
     /// In samples of 48 kHz.
     pub(crate) timestamp: u32,

@@ -31,6 +31,7 @@ pub const FEEDBACK_CHANNEL: Channel = Channel {
 const FEEDBACK: u8 = 16;
 const PONG: u8 = 17;
 const STATE: u8 = 18;
+const FORWARDED: u8 = 19;
 const BYE: u8 = 31;
 
 /// A message that is no motion frame.
@@ -42,6 +43,11 @@ pub enum Message {
     Pong(Pong),
     /// A sender tells whether it is heard and seen.
     State(State),
+    /// Who forwards another sender's motion tells under which session that sender writes it; without this it is the viewer's own.
+    Forwarded {
+        /// The session that motion frames have from now on.
+        of: u32,
+    },
     /// The side that sends it leaves the call.
     Bye,
 }
@@ -94,6 +100,7 @@ impl Message {
             Self::Feedback(_) => FEEDBACK,
             Self::Pong(_) => PONG,
             Self::State(_) => STATE,
+            Self::Forwarded { .. } => FORWARDED,
             Self::Bye => BYE,
         });
         out.extend(session.to_le_bytes());
@@ -112,6 +119,7 @@ impl Message {
                 out.push(u8::from(person.muted) | u8::from(person.hidden) << 1);
                 out.extend(sent.0.to_le_bytes());
             }
+            Self::Forwarded { of } => out.extend(of.to_le_bytes()),
             Self::Bye => {}
         }
     }
@@ -161,6 +169,9 @@ impl Message {
                     sent: time(rest.try_into().ok()?),
                 }))
             }
+            FORWARDED => Some(Self::Forwarded {
+                of: u32::from_le_bytes(rest.try_into().ok()?),
+            }),
             BYE if rest.is_empty() => Some(Self::Bye),
             _ => None,
         }
@@ -171,7 +182,7 @@ impl Message {
 mod tests {
     use super::*;
 
-    const ALL: [Message; 4] = [
+    const ALL: [Message; 5] = [
         Message::Feedback(Feedback {
             newest: 7,
             received: u64::MAX - 5,
@@ -189,6 +200,7 @@ mod tests {
             },
             sent: Micros(1 << 40),
         }),
+        Message::Forwarded { of: 0x0102_0304 },
         Message::Bye,
     ];
 

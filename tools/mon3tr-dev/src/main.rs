@@ -2,6 +2,7 @@
 //! need. A program of its own, so that the first picture does not wait for what it is built from.
 
 mod apk;
+mod audience;
 mod bench;
 mod capture;
 mod eval;
@@ -28,6 +29,8 @@ enum Command {
     Shared(mon3tr::commands::Command),
     /// Build the receiver as a package for Meta Quest 3
     Apk(apk::Options),
+    /// Forward one sender to many viewers, who join by a link of their own
+    Audience(audience::Options),
     /// Time drawing and sorting on this machine
     Bench(bench::Options),
     /// Captures of a person: imported from videos, made up for tests, looked at
@@ -46,6 +49,7 @@ fn main() -> ExitCode {
     program::end(match &arguments.command {
         Command::Shared(command) => command.run(device),
         Command::Apk(options) => apk::run(options),
+        Command::Audience(options) => audience::run(options),
         Command::Bench(options) => bench::run(options, device),
         Command::Capture(options) => capture::run(options, device),
         Command::Eval(options) => eval::run(options, device),

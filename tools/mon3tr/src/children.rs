@@ -80,6 +80,12 @@ impl Process {
         })
     }
 
+    /// The system's number of it.
+    #[must_use]
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
     /// Waits for its end; an error if it failed or takes longer than `longest`.
     pub fn finish(self, longest: Option<Duration>) -> anyhow::Result<()> {
         self.finish_unless(longest, &AtomicBool::new(false))

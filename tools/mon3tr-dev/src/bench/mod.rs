@@ -1,6 +1,7 @@
 //! `mon3tr-dev bench`: how long drawing, sorting, the CPU's kernels and all lanes together take on this machine and what the latency
 //! modes cost, as tables for `docs/performance.md` and as JSON.
 
+mod audience;
 mod figure;
 mod growth;
 mod kernels;
@@ -39,6 +40,8 @@ enum What {
     Kernels(kernels::Options),
     /// Time handing over from lane to lane, and pictures by all lanes at once against the slowest unit alone
     Lanes(lanes::Options),
+    /// Measure what an audience costs: one sender, forwarded to 1 to 500 viewers
+    Audience(audience::Options),
     /// Time what profiling itself costs
     Profiler(profiler::Options),
 }
@@ -51,6 +54,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         What::LatencyModes(options) => latency_modes::run(options, device),
         What::Kernels(options) => kernels::run(options, device),
         What::Lanes(options) => lanes::run(options, device),
+        What::Audience(options) => audience::run(options),
         What::Profiler(options) => profiler::run(options),
     }
 }

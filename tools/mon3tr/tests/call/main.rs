@@ -2,6 +2,7 @@
 //!
 //! Nothing here is timed: what is asserted is what comes, in what order, and what is said; waits end when something has happened.
 
+mod audience;
 mod both_ways;
 #[path = "../command/support.rs"]
 #[allow(dead_code, reason = "shared with the tests of the other sub-commands")]

@@ -1,0 +1,94 @@
+//! `mon3tr-dev audience`: forwards one sender to many viewers.
+
+use anyhow::Context;
+use link_call::forward::Forwarder;
+use link_http::Client;
+use link_playout::Clock;
+use link_protocol::RoomLink;
+use mon3tr::network::Network;
+use mon3tr::report::{check_writable, write_json};
+use std::path::PathBuf;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
+
+/// Between two looks whether it is to end.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Viewers that one process may have: each needs some hundred kilobytes.
+const MOST: usize = 10_000;
+
+/// Options of `audience`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Options {
+    /// The link by which viewers join the sender
+    #[arg(value_name = "LINK")]
+    link: RoomLink,
+    /// An open room for the audience, by its sender's link [default: another one is opened on the same server, and the viewers' link printed]
+    #[arg(long, value_name = "LINK")]
+    into: Option<RoomLink>,
+    /// The owner's token, to open a room
+    #[arg(
+        long,
+        value_name = "TOKEN",
+        env = "MON3TR_OWNER_TOKEN",
+        hide_env_values = true
+    )]
+    owner_token: Option<String>,
+    /// Viewers at most
+    #[arg(long, value_name = "NUMBER", default_value = "500", value_parser = parse_viewers)]
+    viewers: usize,
+    /// A certificate (PEM) to trust beside the system's
+    #[arg(long, value_name = "FILE")]
+    ca: Option<PathBuf>,
+    /// Write every figure as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+fn parse_viewers(text: &str) -> Result<usize, String> {
+    text.parse()
+        .ok()
+        .filter(|viewers| (1..=MOST).contains(viewers))
+        .ok_or_else(|| format!("{text} is not a number of viewers from 1 to {MOST}"))
+}
+
+/// Runs `audience`.
+pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
+    options.json.as_deref().map_or(Ok(()), check_writable)?;
+    let network = Network::start()?;
+    let client = Client::new(options.ca.as_deref())?;
+    let stop = network.stop_on_signal();
+    let into = match &options.into {
+        Some(link) => link.clone(),
+        None => {
+            let token = options.owner_token.as_deref();
+            let token = token.context(
+                "no room for the audience: give --into LINK, or --owner-token to open one",
+            )?;
+            let opened = client.open_room(options.link.server(), token, None);
+            let room = network
+                .block_on(opened)
+                .context("cannot open a room for the audience")?;
+            println!(
+                "the audience joins with\n  mon3tr receive '{}'",
+                room.viewer
+            );
+            room.sender
+        }
+    };
+    let figures = network.block_on(async {
+        let source = options.link.clone();
+        let forwarder = Forwarder::begin(client, source, into, options.viewers, Clock::start());
+        let forwarder = forwarder.await.context("cannot forward")?;
+        println!("forwarding until Ctrl-C");
+        while !stop.load(Relaxed) {
+            tokio::time::sleep(LOOK).await;
+        }
+        anyhow::Ok(forwarder.end().await)
+    })?;
+    println!(
+        "forwarded {} messages and {} packets of voice to {} viewers: {} sent, {} left out because too much waited",
+        figures.messages, figures.voice, figures.joined, figures.sent, figures.skipped
+    );
+    write_json(options.json.as_deref(), &figures)
+}

@@ -1,0 +1,127 @@
+//! One sender, forwarded to more viewers than it would have itself: all get the same, also after it has come back.
+
+use crate::house::House;
+use crate::voice::write_wav;
+use link_call::forward::Forwarder;
+use link_call::{CallEvent, Viewer};
+use link_http::Client;
+use link_playout::Clock;
+use link_protocol::RoomLink;
+use link_voice::VoiceQueue;
+use std::collections::HashMap;
+use std::time::{Duration, Instant};
+use test_support::service::LONGEST_WAIT;
+use test_support::speech::syllables;
+
+/// More than a call of several has.
+const VIEWERS: usize = 12;
+
+type Frames = HashMap<u32, (u64, Vec<u32>)>;
+
+/// Takes each viewer's frames, by their sequences, until each has so many, or it took too long.
+fn frames(viewers: &[Viewer], wanted: usize) -> Vec<Frames> {
+    let mut all: Vec<Frames> = viewers.iter().map(|_| Frames::new()).collect();
+    let until = Instant::now() + LONGEST_WAIT;
+    while all.iter().any(|frames| frames.len() < wanted) {
+        assert!(
+            Instant::now() < until,
+            "{:?} of {wanted} frames each",
+            all.iter().map(HashMap::len).collect::<Vec<_>>()
+        );
+        for (viewer, frames) in viewers.iter().zip(&mut all) {
+            match viewer.next(Duration::from_millis(1)) {
+                // Sequences begin anew.
+                Ok(CallEvent::Joined) => frames.clear(),
+                Ok(CallEvent::Frame { frame, .. }) => {
+                    let motion = frame.motion.values().iter().map(|value| value.to_bits());
+                    frames.insert(frame.sequence, (frame.captured.0, motion.collect()));
+                }
+                Ok(_) | Err(_) => {}
+            }
+        }
+    }
+    all
+}
+
+fn assert_alike(all: &[Frames]) {
+    let first = all.first().expect("viewers");
+    for other in all {
+        let both = other
+            .iter()
+            .filter_map(|(sequence, frame)| Some((first.get(sequence)?, frame)));
+        let both: Vec<_> = both.collect();
+        assert!(both.len() > 20, "they overlap: {}", both.len());
+        assert!(
+            both.iter().all(|(a, b)| a == b),
+            "the same motion at the same times"
+        );
+    }
+}
+
+#[test]
+fn an_audience_gets_the_same_motion_and_voice_also_after_the_sender_has_come_back() {
+    let house = House::open();
+    let said = house.path("said.wav");
+    write_wav(&said, link_voice::RATE, &syllables(1));
+    let sender = house.sender(&["--voice", &said]);
+    let runtime = tokio::runtime::Runtime::new().expect("threads");
+    let client = Client::new(None).expect("a client");
+    let source: RoomLink = sender.viewers.parse().expect("a link");
+    let token = house.owner_token();
+    let opened = client.open_room(source.server(), &token, None);
+    let room = runtime.block_on(opened).expect("a room");
+    let clock = Clock::start();
+    let forwarder = Forwarder::begin(client.clone(), source, room.sender, VIEWERS, clock);
+    let forwarder = runtime.block_on(forwarder).expect("the sender is there");
+    let voices: Vec<VoiceQueue> = (0..VIEWERS).map(|_| VoiceQueue::default()).collect();
+    let viewers: Vec<Viewer> = {
+        let _network = runtime.enter();
+        let join = |voice: &VoiceQueue| {
+            Viewer::join(client.clone(), room.viewer.clone(), clock, voice.clone())
+        };
+        voices.iter().map(join).collect()
+    };
+    assert_alike(&frames(&viewers, 60));
+    for viewer in &viewers {
+        let statistics = viewer.statistics();
+        assert!(statistics.voice > 20, "{statistics:?}");
+        assert_eq!(statistics.refused.total(), 0, "{statistics:?}");
+        // Both on this machine: what is told is the sender's clock, by way of the forwarder's.
+        assert!(statistics.clock_offset_us.is_some(), "{statistics:?}");
+    }
+    assert_eq!(forwarder.statistics().viewers, VIEWERS);
+    sender.program.kill();
+    let mut again = house.send(&[
+        "--room",
+        &sender.own,
+        "--avatar",
+        house.avatar.to_str().expect("UTF-8"),
+    ]);
+    assert!(again.is_running());
+    for viewer in &viewers {
+        while viewer.next(Duration::ZERO).is_ok() {}
+    }
+    assert_alike(&frames(&viewers, 60));
+    // One too many is refused, and those who are there go on.
+    let late = {
+        let _network = runtime.enter();
+        Viewer::join(client, room.viewer, clock, VoiceQueue::default())
+    };
+    std::thread::sleep(Duration::from_secs(2));
+    assert_eq!(late.statistics().frames, 0, "there is no place");
+    assert_eq!(forwarder.statistics().viewers, VIEWERS);
+    runtime.block_on(late.hang_up());
+    let figures = runtime.block_on(forwarder.end());
+    assert!(figures.sent > 60 * VIEWERS as u64, "{figures:?}");
+    for viewer in viewers {
+        let until = Instant::now() + LONGEST_WAIT;
+        let mut has_hung_up = false;
+        while !has_hung_up {
+            assert!(Instant::now() < until, "no goodbye");
+            has_hung_up = matches!(
+                viewer.next(Duration::from_millis(100)),
+                Ok(CallEvent::HungUp)
+            );
+        }
+    }
+}
