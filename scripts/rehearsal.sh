@@ -8,8 +8,8 @@
 # rehearses it, and commits that file with the change; where that was forgotten, CI does it.
 
 rehearsed=$repo/tests/android-rehearsal/rehearsed
-rehearsal_paths=(android app link npu-runtime shaders-spirv splat-scene spmm3 tests/android-rehearsal tests/person tests/support tools/android-native tools/mon3tr-dev/src/apk
-	tools/mon3tr-dev/tests/apk tools/profile-report xr-renderer)
+rehearsal_paths=(android app link npu-runtime shaders-spirv splat-scene spmm3 tests/android-rehearsal tests/person tests/support tools/android-native tools/call-member tools/lip-sync
+	tools/mon3tr-dev/src/apk tools/mon3tr-dev/tests/apk tools/motion-fit tools/profile-report tools/sender tools/sound-devices tools/voice-processing xr-renderer)
 
 # rehearsal_dependencies: the crates that the app and the rehearsal are built from, a line each, with versions and features
 rehearsal_dependencies() {

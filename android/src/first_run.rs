@@ -56,7 +56,7 @@ pub fn without_avatar(name: &str) -> Vec<String> {
     );
     lines.push(String::new());
     lines.push("  adb push me.m3a \\".to_owned());
-    lines.push(format!("    {FILES_FOLDER}/{name}"));
+    wrap(&format!("{FILES_FOLDER}/{name}"), &mut lines);
     lines.push(String::new());
     lines.extend(wrapped(
         "Then close Mon3tr and open the call's link again. Another file of that folder is taken with avatar = \"NAME.m3a\" in mon3tr.toml.",
@@ -176,6 +176,19 @@ mod tests {
                     "its server"
                 );
             }
+        }
+    }
+
+    #[test]
+    fn who_has_no_avatar_reads_where_to_put_it_within_the_panel() {
+        let long = format!("{}.m3a", "x".repeat(60));
+        for name in ["avatar.m3a", &long] {
+            let shown = without_avatar(name);
+            for line in &shown {
+                assert!(line.chars().count() <= WIDTH, "{line}");
+            }
+            let place = format!("{FILES_FOLDER}/{name}");
+            assert!(shown.concat().contains(&place), "{shown:?}");
         }
     }
 

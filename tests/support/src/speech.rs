@@ -61,6 +61,44 @@ pub fn loudness_at(samples: &[f32], pitch: f32) -> Vec<f32> {
         .collect()
 }
 
+/// Syllables of a voice whose pitch, formants and pauses vary: what a gain controller takes for speech.
+#[must_use]
+pub fn talk() -> Vec<f32> {
+    let (mut random, mut phase, mut states) = (7u32, 0.0f32, [[0.0f32; 2]; 2]);
+    let mut next = move || {
+        random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (random >> 8) as f32 / (1u32 << 24) as f32
+    };
+    let mut out = Vec::new();
+    while out.len() < SPOKEN * RATE {
+        let (pitch, low, high) = (
+            100.0 + 60.0 * next(),
+            300.0 + 500.0 * next(),
+            900.0 + 1400.0 * next(),
+        );
+        let (length, loud) = (RATE / 6, if next() < 0.25 { 0.0 } else { 1.0 });
+        for k in 0..length {
+            let envelope = (k as f32 / length as f32 * std::f32::consts::PI).sin();
+            phase = (phase + pitch / RATE as f32).fract();
+            let mut sample = if phase < 0.6 { phase } else { 0.0 } - 0.18 + 0.02 * next();
+            for (state, hz) in states.iter_mut().zip([low, high]) {
+                let (radius, angle) = (0.99, std::f32::consts::TAU * hz / RATE as f32);
+                let (b, c) = (2.0 * radius * angle.cos(), -radius * radius);
+                sample = (1.0 - b - c) * sample + b * state[0] + c * state[1];
+                *state = [sample, state[0]];
+            }
+            out.push(loud * envelope * sample);
+        }
+    }
+    out.truncate(SPOKEN * RATE);
+    let power = out.iter().map(|sample| sample * sample).sum::<f32>() / out.len() as f32;
+    let scale = 0.1 / power.sqrt();
+    for sample in &mut out {
+        *sample = (*sample * scale).clamp(-0.9, 0.9);
+    }
+    out
+}
+
 /// How loud samples are, in windows of 20 ms, 5 ms from one to the next.
 #[must_use]
 pub fn loudness(samples: &[f32]) -> Vec<f32> {

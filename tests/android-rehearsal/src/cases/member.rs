@@ -16,11 +16,14 @@ use std::time::Duration;
 use synthetic_person::PuppetSize;
 use test_support::monado::Compositor;
 use test_support::program::Program;
-use test_support::speech::{PIECE, RATE, best_likeness, loudness, syllables};
+use test_support::speech::{PIECE, RATE, best_likeness, loudness, syllables, talk};
 
-/// The wearer's voice, and the one at the desk, which no part of is like it.
-const WEARER: u32 = 1;
-const DESK: u32 = 5;
+/// What the one at the desk says. The wearer says something of another pitch: two voices of one steady pitch that speak at the same time do not come
+/// through the voice processing as they were.
+fn desk_voice() -> Vec<f32> {
+    syllables(5)
+}
+
 /// How long they talk before and after the devices were away: several of the pieces that are compared.
 const TALK: Duration = Duration::from_secs(12);
 /// The least likeness of the best piece, as a correlation of loudness. The wearer's voice goes through noise suppression and gain control besides.
@@ -38,7 +41,7 @@ pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<F
     fs::copy(&server.avatar, scene.external().join(AVATAR))?;
     let path = |name: &str| scene.folder.join(name);
     let (microphone, loudspeaker, away) = (path("said.f32"), path("heard.f32"), path("away"));
-    write_raw(&microphone, &syllables(WEARER))?;
+    write_raw(&microphone, &talk())?;
     let mut desk = at_the_desk(&scene, &server)?;
     let link = desk.word_after("mon3tr call ");
 
@@ -95,11 +98,12 @@ pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<F
     let in_headset = read_raw(&loudspeaker)?;
     let (early, late) = in_headset.split_at(in_headset.len().min(usize::try_from(before / 4)?));
     let at_desk = read_wav(&path("heard.wav"))?;
+    let (wearer, at_desk_said) = (talk(), desk_voice());
     let mut figures = Figures::new();
     for (what, heard, said, other) in [
-        ("in_the_headset", early, DESK, WEARER),
-        ("in_the_headset_again", late, DESK, WEARER),
-        ("at_the_desk", at_desk.as_slice(), WEARER, DESK),
+        ("in_the_headset", early, &at_desk_said, &wearer),
+        ("in_the_headset_again", late, &at_desk_said, &wearer),
+        ("at_the_desk", at_desk.as_slice(), &wearer, &at_desk_said),
     ] {
         let (like, unlike) = (likeness(heard, said), likeness(heard, other));
         ensure!(
@@ -153,7 +157,7 @@ pub(super) fn perform_without(environment: &Environment, name: &str) -> anyhow::
 /// A person at a desk, who opens the call.
 fn at_the_desk(scene: &Scene<'_>, server: &Server) -> anyhow::Result<Program> {
     let path = |name: &str| scene.folder.join(name).display().to_string();
-    write_wav(Path::new(&path("said.wav")), &syllables(DESK))?;
+    write_wav(Path::new(&path("said.wav")), &desk_voice())?;
     let address = format!("http://{}", server.address);
     let (said, heard, report) = (path("said.wav"), path("heard.wav"), path("desk.json"));
     Ok(scene.call(
@@ -170,8 +174,8 @@ fn at_the_desk(scene: &Scene<'_>, server: &Server) -> anyhow::Result<Program> {
 }
 
 /// How alike the best piece of what was heard is to a voice.
-fn likeness(heard: &[f32], voice: u32) -> f32 {
-    let said = loudness(&syllables(voice));
+fn likeness(heard: &[f32], voice: &[f32]) -> f32 {
+    let said = loudness(voice);
     loudness(heard)
         .chunks_exact(PIECE)
         .map(|piece| best_likeness(&said, piece))

@@ -4,49 +4,13 @@ use crate::command::command;
 use crate::house::{House, Program};
 use crate::voice::{read_wav, write_wav};
 use test_support::pulse::Pulse;
+use test_support::speech::talk;
 
 /// Samples a second.
 const RATE: usize = link_voice::RATE as usize;
 /// Seconds of the call, and after which the canceller knows the room.
 const SECONDS: usize = 20;
 const SETTLED: usize = 10;
-
-/// Syllables of a voice whose pitch, formants and pauses vary: what a gain controller takes for speech.
-fn voice() -> Vec<f32> {
-    let (mut random, mut phase, mut states) = (7u32, 0.0f32, [[0.0f32; 2]; 2]);
-    let mut next = move || {
-        random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (random >> 8) as f32 / (1u32 << 24) as f32
-    };
-    let mut out = Vec::new();
-    while out.len() < 5 * RATE {
-        let (pitch, low, high) = (
-            100.0 + 60.0 * next(),
-            300.0 + 500.0 * next(),
-            900.0 + 1400.0 * next(),
-        );
-        let (length, loud) = (RATE / 6, if next() < 0.25 { 0.0 } else { 1.0 });
-        for k in 0..length {
-            let envelope = (k as f32 / length as f32 * std::f32::consts::PI).sin();
-            phase = (phase + pitch / RATE as f32).fract();
-            let mut sample = if phase < 0.6 { phase } else { 0.0 } - 0.18 + 0.02 * next();
-            for (state, hz) in states.iter_mut().zip([low, high]) {
-                let (radius, angle) = (0.99, std::f32::consts::TAU * hz / RATE as f32);
-                let (b, c) = (2.0 * radius * angle.cos(), -radius * radius);
-                sample = (1.0 - b - c) * sample + b * state[0] + c * state[1];
-                *state = [sample, state[0]];
-            }
-            out.push(loud * envelope * sample);
-        }
-    }
-    out.truncate(5 * RATE);
-    let power = out.iter().map(|sample| sample * sample).sum::<f32>() / out.len() as f32;
-    let scale = 0.1 / power.sqrt();
-    for sample in &mut out {
-        *sample = (*sample * scale).clamp(-0.9, 0.9);
-    }
-    out
-}
 
 /// Mean square in dB of full scale.
 fn level(samples: &[f32]) -> f32 {
@@ -67,7 +31,7 @@ fn who_speaks_to_a_person_without_headphones_does_not_hear_themselves() {
         "source=loudspeaker.monitor sink=air latency_msec=60",
     );
     let [said, heard] = ["said.wav", "heard.wav"].map(|name| house.path(name));
-    let voice = voice();
+    let voice = talk();
     write_wav(&said, link_voice::RATE, &voice);
     let begin = |name: &str, arguments: &[&str]| {
         let (avatar, json) = (house.avatar.to_string_lossy(), house.new_report());

@@ -3,8 +3,8 @@
 use super::SoundError;
 use crate::RATE;
 use ndk::audio::{
-    AudioDirection, AudioFormat, AudioInputPreset, AudioPerformanceMode, AudioSharingMode,
-    AudioStream, AudioStreamBuilder, AudioUsage, Clockid,
+    AudioDirection, AudioError, AudioFormat, AudioInputPreset, AudioPerformanceMode,
+    AudioSharingMode, AudioStream, AudioStreamBuilder, AudioUsage, Clockid,
 };
 use rustix::time::{ClockId, clock_gettime};
 use std::error::Error;
@@ -171,12 +171,24 @@ fn open(kind: Kind) -> Result<AudioStream, SoundError> {
     if kind.direction == AudioDirection::Output {
         let wanted = stream.frames_per_burst().saturating_mul(BURSTS);
         // More than asked for is as good, only later.
-        if let Err(error) = stream.set_buffer_size_in_frames(wanted) {
+        let size = stream.set_buffer_size_in_frames(wanted);
+        if let Err(error) = frames(size.map(i32::unsigned_abs)) {
             log::debug!("the buffer of the {} stays as it is: {error}", kind.name);
         }
     }
     stream.request_start().map_err(closed)?;
     Ok(stream)
+}
+
+/// The frames that a call has read, written or set. The crate `ndk` (0.9) takes every result but 0 for an error, also a count of frames.
+///
+/// # Errors
+/// If it is an error.
+pub(super) fn frames(result: Result<u32, AudioError>) -> Result<usize, AudioError> {
+    match result {
+        Ok(count) => Ok(count as usize),
+        Err(error) => usize::try_from(i32::from(error)).map_err(|_| error),
+    }
 }
 
 /// From now until sample `count` of `stream` is in the air, or was, which is negative, seconds; nothing where the device does not tell.

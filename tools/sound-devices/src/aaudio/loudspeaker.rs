@@ -1,6 +1,8 @@
 //! The loudspeaker.
 
-use super::device::{Device, Kind, LONGEST_SILENCE, MEASURING, PIECE, STOPPING_NS, in_the_air};
+use super::device::{
+    Device, Kind, LONGEST_SILENCE, MEASURING, PIECE, STOPPING_NS, frames, in_the_air,
+};
 use super::{SoundError, SoundServer};
 use crate::Fill;
 use crate::clock::DeviceClock;
@@ -83,7 +85,7 @@ fn write(
         let length = i32::try_from(rest.len()).unwrap_or(i32::MAX);
         // SAFETY: the stream has two channels of 32-bit floats (`open` has looked), so `length` frames are what `rest` has.
         let written = unsafe { stream.write(rest.as_ptr().cast(), length, STOPPING_NS) };
-        let written = written.map_err(SoundError::TakenAway)? as usize;
+        let written = frames(written).map_err(SoundError::TakenAway)?;
         if written > 0 {
             last = Instant::now();
         } else if last.elapsed() > LONGEST_SILENCE {

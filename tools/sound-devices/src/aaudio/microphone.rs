@@ -1,6 +1,8 @@
 //! The microphone.
 
-use super::device::{Device, Kind, LONGEST_SILENCE, MEASURING, PIECE, STOPPING_NS, in_the_air};
+use super::device::{
+    Device, Kind, LONGEST_SILENCE, MEASURING, PIECE, STOPPING_NS, frames, in_the_air,
+};
 use super::{SoundError, SoundServer};
 use crate::clock::DeviceClock;
 use crate::heard::Heard;
@@ -67,7 +69,7 @@ fn record(stream: &AudioStream, heard: &Heard, stop: &AtomicBool) -> Result<(), 
         let room = i32::try_from(piece.len()).unwrap_or(i32::MAX);
         // SAFETY: the stream has one channel of 32-bit floats (`open` has looked), so `room` frames are as many as `piece` has room for.
         let read = unsafe { stream.read(piece.as_mut_ptr().cast(), room, STOPPING_NS) };
-        let read = read.map_err(SoundError::TakenAway)? as usize;
+        let read = frames(read).map_err(SoundError::TakenAway)?;
         let now = Instant::now();
         let Some(samples) = piece.get(..read).filter(|samples| !samples.is_empty()) else {
             if now > last + LONGEST_SILENCE {
