@@ -1,0 +1,160 @@
+//! Forwarding for an audience: one viewer of a sender hands on what it receives to many viewers of a room of its own, so that the sender sends once.
+//!
+//! Messages of motion and packets of voice go on as they came: nothing is decoded. Each viewer is told under which session the sender writes. Motion that is predicted from what one viewer has acknowledged would be of no use to another, so the forwarder acknowledges nothing, and each frame
+//! stands by itself. Times stay those of the sender: a viewer that compares clocks is answered in the sender's time.
+
+mod audience;
+mod upstream;
+
+use crate::CallError;
+use crate::plan::Planner;
+use crate::voice_track::VoicePacket;
+use audience::Stage;
+use bytes::Bytes;
+use link_http::Client;
+use link_playout::Clock;
+use link_protocol::calls::EnterRoom;
+use link_protocol::data_channel::State;
+use link_protocol::{IceServers, RoomLink};
+use serde::Serialize;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI64, AtomicU64, AtomicUsize, Ordering::Relaxed};
+use std::time::Duration;
+use tokio::sync::{broadcast, watch};
+use tokio::task::JoinHandle;
+use upstream::Upstream;
+
+/// What may wait for one viewer: a third of a second of motion and voice.
+const WAITING: usize = 32;
+
+/// From the offer to the open channel, on either side.
+const OPEN_WITHIN: Duration = Duration::from_secs(10);
+
+/// No offset is known.
+const UNKNOWN: i64 = i64::MIN;
+
+/// What goes on to every viewer.
+#[derive(Debug, Clone)]
+enum Forwarded {
+    Motion(Bytes),
+    State(State),
+    Voice(VoicePacket),
+}
+
+/// Hands on what one sender sends.
+#[derive(Debug)]
+pub struct Forwarder {
+    stop: watch::Sender<bool>,
+    task: JoinHandle<()>,
+    counts: Arc<Counts>,
+}
+
+#[derive(Debug)]
+struct Counts {
+    viewers: AtomicUsize,
+    joined: AtomicU64,
+    messages: AtomicU64,
+    voice: AtomicU64,
+    sent: AtomicU64,
+    skipped: AtomicU64,
+    /// The sender's clock less this side's, microseconds.
+    offset_us: AtomicI64,
+}
+
+/// What was forwarded so far.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct ForwarderStatistics {
+    /// Viewers now.
+    pub viewers: usize,
+    /// Viewers that connected so far.
+    pub joined: u64,
+    /// Messages of motion and state that came from the sender.
+    pub messages: u64,
+    /// Packets of voice that came from the sender.
+    pub voice: u64,
+    /// Messages and packets handed to the network, to all viewers together.
+    pub sent: u64,
+    /// Those left out because too much waited for a viewer.
+    pub skipped: u64,
+}
+impl Forwarder {
+    /// Joins the sender of `source` as a viewer, and hands on what comes to at most `most` viewers of `audience`, which this side enters as its sender. In tasks of
+    /// the current tokio runtime, until it is stopped; the sender may come and go meanwhile.
+    ///
+    /// # Errors
+    /// If the sender is not there, or the room for the audience cannot be entered.
+    pub async fn begin(
+        client: Client,
+        source: RoomLink,
+        audience: RoomLink,
+        most: usize,
+        clock: Clock,
+    ) -> Result<Self, CallError> {
+        let status = client.room_status(&source).await?;
+        let announcement = status.ok_or(CallError::SenderAbsent)?.announcement;
+        let entering = EnterRoom::from(announcement);
+        let presence = client.open_presence(&audience, &entering).await?;
+        let (stop, stopped) = watch::channel(false);
+        let counts = Arc::new(Counts {
+            viewers: AtomicUsize::new(0),
+            joined: AtomicU64::new(0),
+            messages: AtomicU64::new(0),
+            voice: AtomicU64::new(0),
+            sent: AtomicU64::new(0),
+            skipped: AtomicU64::new(0),
+            offset_us: AtomicI64::new(UNKNOWN),
+        });
+        let (telling, told) = watch::channel(None);
+        let stage = Stage {
+            client: client.clone(),
+            planner: Planner::default(),
+            ice_servers: IceServers::default(),
+            audience,
+            announcement,
+            clock,
+            forwarded: broadcast::Sender::new(WAITING),
+            source: told,
+            stop: stopped,
+            counts: Arc::clone(&counts),
+            most,
+        };
+        let task = tokio::spawn(async move {
+            let upstream = Upstream {
+                client,
+                planner: Planner::default(),
+                source,
+                clock,
+                telling,
+                forwarded: stage.forwarded.clone(),
+                counts: Arc::clone(&stage.counts),
+                stop: stage.stop.clone(),
+            };
+            tokio::join!(upstream.run(), stage.attend(entering, presence));
+        });
+        Ok(Self { stop, task, counts })
+    }
+
+    /// What was forwarded so far.
+    #[must_use]
+    pub fn statistics(&self) -> ForwarderStatistics {
+        let counts = &self.counts;
+        ForwarderStatistics {
+            viewers: counts.viewers.load(Relaxed),
+            joined: counts.joined.load(Relaxed),
+            messages: counts.messages.load(Relaxed),
+            voice: counts.voice.load(Relaxed),
+            sent: counts.sent.load(Relaxed),
+            skipped: counts.skipped.load(Relaxed),
+        }
+    }
+
+    /// Says goodbye to all viewers and to the sender.
+    pub async fn end(self) -> ForwarderStatistics {
+        let last = self.statistics();
+        self.stop.send_replace(true);
+        if let Err(error) = self.task.await {
+            log::error!("a task of the audience failed: {error}");
+        }
+        last
+    }
+}
