@@ -409,7 +409,8 @@ impl Call {
                 }
             }
             Some(Message::Forwarded { of }) => {
-                if session.follow(of) {
+                // Who changes it again and again is not followed further than is taken.
+                if self.waiting.load(Relaxed) < MAX_WAITING && session.follow(of) {
                     // Another sender's motion, or the same one's who came back: its sequences and times begin anew.
                     self.voice.begin_connection();
                     self.emit(CallEvent::Joined);
