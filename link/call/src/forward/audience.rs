@@ -35,7 +35,8 @@ pub(super) struct Stage {
     pub(super) planner: Planner,
     pub(super) ice_servers: IceServers,
     pub(super) audience: RoomLink,
-    pub(super) announcement: Announcement,
+    /// What the sender announced last.
+    pub(super) announced: watch::Receiver<Announcement>,
     pub(super) clock: Clock,
     pub(super) forwarded: broadcast::Sender<Forwarded>,
     /// The session of the connection to the sender, while there is one.
@@ -44,6 +45,7 @@ pub(super) struct Stage {
     pub(super) counts: Arc<Counts>,
     pub(super) most: usize,
 }
+
 async fn next_event(
     stage: &Stage,
     entering: &EnterRoom,
@@ -86,7 +88,8 @@ async fn serve(
 ) -> Result<(), CallError> {
     let server = stage.audience.server();
     let plan = stage.planner.plan(server, &stage.ice_servers).await;
-    let (mut peer, answer) = Peer::answer(plan, stage.announcement.channel, offer).await?;
+    let channel = stage.announced.borrow().channel;
+    let (mut peer, answer) = Peer::answer(plan, channel, offer).await?;
     let introduced = timeout(OPEN_WITHIN, async {
         stage
             .client
@@ -210,15 +213,25 @@ async fn hand_on(
 
 impl Stage {
     /// Keeps up the presence in the audience's room, and has a task for every viewer.
-    pub(super) async fn attend(mut self, entering: EnterRoom, presence: Presence) {
+    pub(super) async fn attend(mut self, mut entering: EnterRoom, presence: Presence) {
         let mut presence = Some(presence);
         let mut viewers = JoinSet::new();
         let mut leaving: HashMap<Name, watch::Sender<bool>> = HashMap::new();
         let mut backoff = Backoff::default();
         let mut stop = self.stop.clone();
+        let mut announced = self.announced.clone();
         loop {
             let event = tokio::select! {
                 () = is_set(&mut stop) => break,
+                Ok(()) = announced.changed() => {
+                    // The sender is back with another avatar, say: viewers read that where they join.
+                    entering = EnterRoom::from(*announced.borrow_and_update());
+                    presence = None;
+                    for (_, leave) in leaving.drain() {
+                        leave.send_replace(true);
+                    }
+                    continue;
+                }
                 Some(_) = viewers.join_next(), if !viewers.is_empty() => {
                     leaving.retain(|_, leave| !leave.is_closed());
                     continue;

@@ -68,7 +68,7 @@ pub struct ForwarderStatistics {
     pub viewers: usize,
     /// Viewers that connected so far.
     pub joined: u64,
-    /// Messages of motion and state that came from the sender.
+    /// Frames that came from the sender.
     pub messages: u64,
     /// Packets of voice that came from the sender.
     pub voice: u64,
@@ -77,9 +77,11 @@ pub struct ForwarderStatistics {
     /// Those left out because too much waited for a viewer.
     pub skipped: u64,
 }
+
 impl Forwarder {
-    /// Joins the sender of `source` as a viewer, and hands on what comes to at most `most` viewers of `audience`, which this side enters as its sender. In tasks of
-    /// the current tokio runtime, until it is stopped; the sender may come and go meanwhile.
+    /// Joins the sender of `source` as a viewer, and hands on what comes to at most `most` viewers of `audience`, which this side enters
+    /// as its sender. In tasks of the current tokio runtime, until it is stopped; the sender may come and go meanwhile, also as another
+    /// avatar, which the viewers are told.
     ///
     /// # Errors
     /// If the sender is not there, or the room for the audience cannot be entered.
@@ -105,12 +107,13 @@ impl Forwarder {
             offset_us: AtomicI64::new(UNKNOWN),
         });
         let (telling, told) = watch::channel(None);
+        let (announcing, announced) = watch::channel(announcement);
         let stage = Stage {
             client: client.clone(),
             planner: Planner::default(),
             ice_servers: IceServers::default(),
             audience,
-            announcement,
+            announced,
             clock,
             forwarded: broadcast::Sender::new(WAITING),
             source: told,
@@ -124,6 +127,7 @@ impl Forwarder {
                 planner: Planner::default(),
                 source,
                 clock,
+                announcing,
                 telling,
                 forwarded: stage.forwarded.clone(),
                 counts: Arc::clone(&stage.counts),

@@ -9,8 +9,8 @@ use bytes::Bytes;
 use link_http::Client;
 use link_playout::Clock;
 use link_playout::clock::Exchange;
-use link_protocol::RoomLink;
 use link_protocol::data_channel::Message;
+use link_protocol::{Announcement, RoomLink};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
@@ -29,6 +29,7 @@ pub(super) struct Upstream {
     pub(super) planner: Planner,
     pub(super) source: RoomLink,
     pub(super) clock: Clock,
+    pub(super) announcing: watch::Sender<Announcement>,
     pub(super) telling: watch::Sender<Option<u32>>,
     pub(super) forwarded: broadcast::Sender<Forwarded>,
     pub(super) counts: Arc<Counts>,
@@ -67,6 +68,9 @@ impl Upstream {
     async fn join(&self) -> Result<Session, CallError> {
         let status = self.client.room_status(&self.source).await?;
         let status = status.ok_or(CallError::SenderAbsent)?;
+        self.announcing.send_if_modified(|announced| {
+            std::mem::replace(announced, status.announcement) != status.announcement
+        });
         let server = self.source.server();
         let plan = self.planner.plan(server, &status.ice_servers).await;
         let announcement = &status.announcement;

@@ -4,6 +4,7 @@ use crate::house::House;
 use crate::voice::write_wav;
 use link_call::forward::Forwarder;
 use link_call::{CallEvent, Viewer};
+use link_codec::Codec;
 use link_http::Client;
 use link_playout::Clock;
 use link_protocol::RoomLink;
@@ -110,17 +111,30 @@ fn an_audience_gets_the_same_motion_and_voice_also_after_the_sender_has_come_bac
     }
     assert_eq!(forwarder.statistics().viewers, most);
     sender.program.kill();
-    let mut again = house.send(&[
+    // As another announcement, which the viewers have to read anew.
+    let avatar = house.avatar.to_str().expect("UTF-8");
+    let arguments = [
         "--room",
         &sender.own,
         "--avatar",
-        house.avatar.to_str().expect("UTF-8"),
-    ]);
-    assert!(again.is_running());
+        avatar,
+        "--codec",
+        "paper",
+    ];
+    let _again = house.send(&arguments);
+    let until = Instant::now() + LONGEST_WAIT;
     for viewer in &viewers {
-        while viewer.next(Duration::ZERO).is_ok() {}
+        let is_told =
+            |event| matches!(event, CallEvent::Announced(told) if told.codec == Codec::Paper);
+        while !viewer.next(Duration::from_millis(100)).is_ok_and(is_told) {
+            assert!(Instant::now() < until, "they are not told");
+        }
     }
     assert_alike(&frames(&viewers, 60));
+    while forwarder.statistics().viewers != most {
+        assert!(Instant::now() < until, "{:?}", forwarder.statistics());
+        std::thread::sleep(Duration::from_millis(50));
+    }
     // One too many is refused, and those who are there go on.
     let late = {
         let _network = runtime.enter();
