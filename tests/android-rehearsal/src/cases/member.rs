@@ -96,7 +96,8 @@ pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<F
         "frames of motion: {sent} sent by the app, {seen} taken at the desk; {taken} taken by the app"
     );
     let in_headset = read_raw(&loudspeaker)?;
-    let (early, late) = in_headset.split_at(in_headset.len().min(usize::try_from(before / 4)?));
+    // Left and right, four bytes each.
+    let (early, late) = in_headset.split_at(in_headset.len().min(usize::try_from(before / 8)?));
     let at_desk = read_wav(&path("heard.wav"))?;
     let (wearer, at_desk_said) = (talk(), desk_voice());
     let mut figures = Figures::new();
