@@ -13,6 +13,16 @@ use std::sync::mpsc::Receiver;
 /// What keys do, as it is told at the start.
 pub(crate) const KEYS: &str = "keys: m mute, h hide, s see yourself, w who is there, q hang up (in the window, or here with Enter)";
 
+/// What may be typed instead of a key.
+const WORDS: [(char, &str); 5] = [
+    ('m', "mute"),
+    ('h', "hide"),
+    ('s', "see"),
+    ('w', "who"),
+    ('q', "quit"),
+];
+const LONGEST_WORD: usize = 16;
+
 /// The other people of a call, as they come, for what shows them.
 pub(crate) struct Guests {
     pub(crate) newcomers: Receiver<Participant>,
@@ -106,18 +116,34 @@ impl Controls {
         println!("in the call: {}", lines.join("; "));
     }
 
-    /// Does what lines of `input` ask for, one key each, until it ends.
+    /// Does what lines of `input` ask for, a key or its word each, until it ends.
     pub(crate) fn listen(&self, input: impl BufRead) {
-        // Keys are single characters; a line that is longer is not read into memory whole.
-        let mut is_first = true;
+        // Whatever is longer than the words is no word, and is not read into memory whole.
+        let mut line = Vec::with_capacity(LONGEST_WORD + 1);
         for byte in input.bytes() {
             let Ok(byte) = byte else { break };
-            let key = char::from(byte);
             if byte == b'\n' {
-                is_first = true;
-            } else if std::mem::replace(&mut is_first, false) && !self.press(key) {
-                println!("{KEYS}");
+                self.obey(&line);
+                line.clear();
+            } else if line.len() <= LONGEST_WORD {
+                line.push(byte);
             }
+        }
+        self.obey(&line);
+    }
+
+    /// Does what a line asks for, and says what could be asked for where it is nothing of it.
+    fn obey(&self, line: &[u8]) {
+        let line = String::from_utf8_lossy(line).trim().to_ascii_lowercase();
+        let word = WORDS.iter().find(|(_, word)| *word == line);
+        let mut letters = line.chars();
+        let key = match (letters.next(), letters.next()) {
+            (None, _) => return,
+            (Some(key), None) => Some(key),
+            _ => word.map(|(key, _)| *key),
+        };
+        if !key.is_some_and(|key| self.press(key)) {
+            println!("{KEYS}");
         }
     }
 }
@@ -140,7 +166,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_letter_of_a_line_is_a_key_and_the_rest_of_it_is_none() {
+    fn a_line_is_a_key_or_its_word_and_nothing_else() {
         let controls = Controls {
             privacy: Privacy::default(),
             members: Members::default(),
@@ -149,7 +175,7 @@ mod tests {
             stop: Arc::default(),
             push_to_talk: false,
         };
-        controls.listen(&b"mute\nH\n\nx\ns\n"[..]);
+        controls.listen(&b"mute\nhello\nH \n\nx\ns\nquite a long line that is no word\n"[..]);
         let state = controls.privacy.state();
         assert!(state.muted && state.hidden, "{state:?}");
         assert!(!controls.own.toggle(), "they saw themselves");

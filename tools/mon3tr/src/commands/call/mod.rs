@@ -10,6 +10,7 @@ use crate::report::{check_writable, write_json};
 use crate::stills::load_avatar;
 use crate::viewpoint::Viewpoint;
 use anyhow::{Context, anyhow};
+use app_session::call::CallWatch;
 use app_session::own_motion::OwnMotion;
 use app_session::participant::{NetworkContext, Origin, Participant};
 use call_member::{Members, Roster, RosterFigures, SetAtEnd};
@@ -125,6 +126,14 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         print_link(&link);
     }
     println!("you are in the call; {KEYS}");
+    if me.name.is_none() {
+        println!(
+            "you have no name: others read the number of your place; --name NAME gives you one"
+        );
+    }
+    if options.push_to_talk {
+        println!("you are muted: hold the space bar in the window to talk, or type m here");
+    }
 
     let voices: Vec<_> = (0..MAX_PEOPLE).map(|_| VoiceQueue::default()).collect();
     let members = Members::default();
@@ -146,7 +155,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         link,
         own: entered.host.venue(),
         voices: voices.clone(),
-        members,
+        members: members.clone(),
         offers: entered.host.offers(),
         longest: options.seconds,
         network: &context,
@@ -161,6 +170,11 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         .context("cannot start a thread for the keys")?;
     let sound = show.sound.begin(&voices, line.clock)?;
     let came = Mutex::new(Vec::new());
+    let name_of = |watch: &CallWatch| {
+        let all = members.all().into_iter();
+        let theirs = all.filter(|member| member.watch.is_same(watch));
+        theirs.map(|member| member.name).next()
+    };
     let (admit, newcomers) = channel();
     let guests = Guests {
         newcomers,
@@ -192,6 +206,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
                     announced: guest.announced,
                     avatar,
                     arrival: Arrival {
+                        name: name_of(&guest.watch),
                         figures,
                         download,
                         watch: guest.watch,
@@ -225,7 +240,9 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let came = came.into_inner().unwrap_or_else(PoisonError::into_inner);
     let (received, outcome) = receive::Report::new(&came, shown);
     match &received {
-        Some(received) => received.print(),
+        // Every table of every person is more than is read: `--json` has them.
+        Some(received) if log::log_enabled!(log::Level::Info) => received.print(),
+        Some(received) => received.print_people(),
         None => println!("no one else came"),
     }
     joining.print();

@@ -36,6 +36,8 @@ pub(crate) struct Person {
 /// What a report tells of how a person came.
 #[derive(Debug, Clone)]
 pub(crate) struct Arrival {
+    /// What they are called, where people have names.
+    pub(crate) name: Option<String>,
     pub(crate) figures: AvatarFigures,
     pub(crate) download: Download,
     /// What is counted and told of the call with them.
@@ -99,6 +101,7 @@ pub(crate) fn gather(
             announced,
             avatar,
             arrival: Arrival {
+                name: None,
                 figures,
                 download,
                 watch: CallWatch::default(),

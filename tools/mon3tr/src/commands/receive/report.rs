@@ -21,6 +21,9 @@ const CAME_BACK: &str = "the sender has come back with another avatar: join agai
 /// Everything `receive` prints.
 #[derive(Debug, Serialize)]
 pub(crate) struct Report {
+    /// What the first person is called, where people have names.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    name: Option<String>,
     avatar: AvatarFigures,
     download: Download,
     call: CallFigures,
@@ -38,6 +41,8 @@ pub(crate) struct Report {
 /// Another person in the same session.
 #[derive(Debug, Serialize)]
 struct Other {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    name: Option<String>,
     avatar: AvatarFigures,
     download: Download,
     call: CallFigures,
@@ -136,12 +141,14 @@ impl Report {
             return (None, outcome);
         };
         let others = told.map(|(person, call, shown)| Other {
+            name: person.name,
             avatar: person.figures,
             download: person.download,
             call,
             shown,
         });
         let mut report = Self {
+            name: first.name,
             avatar: first.figures,
             download: first.download,
             call,
@@ -163,6 +170,26 @@ impl Report {
             });
         }
         (Some(report), outcome)
+    }
+
+    /// A line for each person.
+    pub(crate) fn print_people(&self) {
+        let others = (self.others.iter()).map(|other| (&other.name, &other.call));
+        for (name, call) in std::iter::once((&self.name, &self.call)).chain(others) {
+            let ear = call.latency.mouth_to_ear.as_ref();
+            let ear = ear.map_or_else(String::new, |ear| {
+                format!(", mouth to ear {:.0} ms", ear.p50_ms)
+            });
+            let path = call.received.path.as_ref();
+            let path = path.map_or_else(String::new, |path| format!("; {path}"));
+            println!(
+                "{}: {:.1} s, {} motions taken, {} lost{ear}{path}",
+                name.as_deref().unwrap_or("someone"),
+                call.live_seconds,
+                call.released,
+                call.lost,
+            );
+        }
     }
 
     pub(crate) fn print(&self) {

@@ -112,7 +112,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
             token_file.display()
         );
         println!(
-            "now open a room with a sender in it:\n  mon3tr send --server {scheme}://{address} --avatar PACKAGE.m3a"
+            "now open a call:\n  mon3tr call --server {scheme}://{address} --avatar PACKAGE.m3a\nor a room, for a sender and its viewers:\n  mon3tr send --server {scheme}://{address} --avatar PACKAGE.m3a"
         );
         std::io::stdout()
             .flush()
