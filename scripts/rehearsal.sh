@@ -9,7 +9,7 @@
 
 rehearsed=$repo/tests/android-rehearsal/rehearsed
 rehearsal_paths=(android app link npu-runtime shaders-spirv splat-scene spmm3 tests/android-rehearsal tests/person tests/support tools/android-native tools/call-member tools/lip-sync
-	tools/mon3tr-dev/src/apk tools/mon3tr-dev/tests/apk tools/motion-fit tools/profile-report tools/sender tools/sound-devices tools/voice-processing xr-renderer)
+	tools/mon3tr-dev/src/apk tools/mon3tr-dev/tests/apk tools/motion-fit tools/profile-report tools/sender tools/sound-devices tools/spatial-sound tools/voice-processing xr-renderer)
 
 # rehearsal_dependencies: the crates that the app and the rehearsal are built from, a line each, with versions and features
 rehearsal_dependencies() {

@@ -174,9 +174,13 @@ impl FromStr for RoomLink {
         let (address, token) = text
             .split_once('#')
             .ok_or_else(|| wrong("the `#TOKEN` at its end is missing (an unquoted # begins a comment in some shells)"))?;
-        let (server, room) = address
-            .rsplit_once("/rooms/")
-            .ok_or_else(|| wrong("it has no `/rooms/ROOM`"))?;
+        let (server, room) = address.rsplit_once("/rooms/").ok_or_else(|| {
+            wrong(if address.contains("/calls/") {
+                "it is the link of a call of several: `mon3tr call LINK` joins it"
+            } else {
+                "it has no `/rooms/ROOM`"
+            })
+        })?;
         let server = check_address(server).map_err(ProtocolError::Link)?;
         Self::of(server, room, token).map_err(|error| match error {
             ProtocolError::Token(why) => {

@@ -201,3 +201,11 @@ fn an_announcement_is_read_as_the_protocol_writes_it_and_only_within_bounds() {
         );
     }
 }
+
+#[test]
+fn a_calls_link_where_a_rooms_is_needed_says_what_joins_it() {
+    let error = "http://example.org/calls/c1#secret".parse::<RoomLink>();
+    let said = error.expect_err("no room's").to_string();
+    assert!(said.contains("mon3tr call LINK"), "{said}");
+    assert!(!said.contains("secret"), "{said}");
+}
