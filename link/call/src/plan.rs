@@ -223,7 +223,10 @@ async fn ask(server: SocketAddr) -> std::io::Result<SocketAddr> {
     } else {
         Ipv6Addr::UNSPECIFIED.into()
     };
-    ask_from(&UdpSocket::bind((any, 0)).await?, server).await
+    let socket = UdpSocket::bind((any, 0)).await?;
+    // So that a port that nothing listens on is told.
+    socket.connect(server).await?;
+    ask_from(&socket, server).await
 }
 
 /// Asks a STUN server from `socket`, which nothing else reads, until it answers: the address that it sees. Without end where it does not.
@@ -237,7 +240,11 @@ pub(crate) async fn ask_from(
     let mut buffer = [0; 1500];
     let mut pauses = ASK_AGAIN.into_iter();
     loop {
-        socket.send_to(&request.raw, server).await?;
+        if socket.peer_addr().is_ok() {
+            socket.send(&request.raw).await?;
+        } else {
+            socket.send_to(&request.raw, server).await?;
+        }
         let pause = pauses.next().unwrap_or(UNREACHABLE);
         let begun = Instant::now();
         while let Ok(received) = timeout(

@@ -3,7 +3,7 @@
 use crate::CallError;
 use link_http::presence::Presence;
 use link_http::{Client, HttpError};
-use link_protocol::calls::EnterRoom;
+use link_protocol::calls::{EnterRoom, Seat};
 use link_protocol::limits::MAX_PEOPLE;
 use link_protocol::{CallLink, RoomLink};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -86,18 +86,25 @@ async fn take_seat(
     call: &CallLink,
     entering: &EnterRoom,
 ) -> Result<(RoomLink, Presence), CallError> {
+    let mut refused = Vec::new();
+    let mut why = CallError::Full;
     for _ in 0..ATTEMPTS {
         let status = client.call_status(call).await?;
-        let free = status.seats.iter().find(|seat| seat.taken.is_none());
-        let Some(free) = free else {
-            return Err(CallError::Full);
+        let is_free = |seat: &&Seat| seat.taken.is_none() && !refused.contains(&seat.room);
+        let Some(free) = status.seats.iter().find(is_free) else {
+            break;
         };
         let seat = call.seat(&free.room);
         match client.open_presence(&seat, entering).await {
             // Another one was faster.
             Err(HttpError::SeatTaken) => {}
+            // Another server does not say whether one sits there.
+            Err(error @ HttpError::Unavailable { .. }) => {
+                refused.push(free.room.clone());
+                why = error.into();
+            }
             entered => return Ok((seat, entered?)),
         }
     }
-    Err(CallError::Full)
+    Err(why)
 }

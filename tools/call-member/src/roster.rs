@@ -137,7 +137,7 @@ impl Newcomer {
 }
 
 /// The seat of a newcomer, with the avatar fetched, or why it could not be; nothing where the call ended before.
-type Fetched<A> = (Name, anyhow::Result<Option<Guest<A>>>);
+type Fetched<A> = (Name, CallWatch, anyhow::Result<Option<Guest<A>>>);
 
 /// A question who is there, until it is answered.
 type Asking = JoinHandle<Result<CallStatus, HttpError>>;
@@ -178,9 +178,9 @@ impl Roster<'_> {
                         for newcomer in self.arrivals(&status.seats, &mut seats) {
                             let (fetched, fetch, link) = (fetched.clone(), &fetch, &self.link);
                             scope.spawn(move || {
-                                let seat = newcomer.seat.clone();
+                                let (seat, watch) = (newcomer.seat.clone(), newcomer.watch.clone());
                                 // The roster is over by then, maybe.
-                                let _ = fetched.send((seat, newcomer.fetch(link, fetch)));
+                                let _ = fetched.send((seat, watch, newcomer.fetch(link, fetch)));
                             });
                         }
                     }
@@ -315,13 +315,15 @@ impl Roster<'_> {
         known: &mut HashMap<Name, Known>,
         admit: &mut impl FnMut(Guest<A>) -> bool,
     ) -> bool {
-        while let Ok((room, person)) = newcomers.try_recv() {
-            let Some(entry) = known.get_mut(&room) else {
+        while let Ok((room, watch, person)) = newcomers.try_recv() {
+            // Meanwhile they may have left, and another person may sit there.
+            let theirs = known
+                .get_mut(&room)
+                .filter(|entry| entry.watch.is_same(&watch));
+            let Some(entry) = theirs else {
                 continue;
             };
             match person {
-                // Meanwhile they have left, and another person may sit there.
-                Ok(Some(person)) if !person.watch.is_same(&entry.watch) => {}
                 Ok(Some(_)) if entry.watch.is_over() => {}
                 Ok(Some(person)) => {
                     (self.tell)(&format!("{} has joined", entry.name));

@@ -106,6 +106,8 @@ impl Ear {
         let heard = (CORNER + STEP * high) * WHOLE * sample
             + (CORNER - STEP * high) * WHOLE * input
             - (CORNER - STEP) * WHOLE * output;
+        // What has faded below all hearing must not go on as numbers that are slow to compute.
+        let heard = if heard.abs() < 1e-20 { 0.0 } else { heard };
         self.last = [sample, heard];
         heard
     }

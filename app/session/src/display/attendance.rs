@@ -4,7 +4,7 @@
 use super::{SCENERY_GAUSSIANS, SessionError};
 use crate::attendee::{Attendee, PersonReport};
 use crate::call::CallWatch;
-use crate::participant::{Participant, PersonSource};
+use crate::participant::{Origin, Participant, PersonSource};
 use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::{FinishedPerson, Lanes, PausableSource};
@@ -87,6 +87,12 @@ impl Doorway<'_> {
     }
 
     fn make_ready(&self, newcomer: &Participant) {
+        if let Origin::Room { watch, .. } = &newcomer.origin
+            && watch.is_over()
+        {
+            // They have left while others were made ready.
+            return;
+        }
         let source = newcomer.join(self.control);
         let motion = source.source().source();
         let (watch, voice) = (motion.watch(), motion.voice());

@@ -29,8 +29,9 @@ impl LiveSession<'_> {
 
     fn place_each(&self, places: &[Affine3A], head_from_mouth: impl Fn(Vec3) -> Vec3) {
         let seen = self.people.iter().zip(self.lanes.poses()).zip(places);
-        for ((person, motion), world_from_person) in seen {
-            let Some(voice) = &person.voice else {
+        for (((person, motion), world_from_person), attends) in seen.zip(self.lanes.attending()) {
+            // The voice of one who has left may be another one's by now, who has the seat.
+            let Some(voice) = person.voice.as_ref().filter(|_| attends) else {
                 continue;
             };
             let mouth = motion.map(|motion| {

@@ -50,9 +50,8 @@ impl Upstream {
                     log::info!("the sender is here (session {:08x})", session.id);
                     backoff.reset();
                     self.telling.send_replace(Some(session.id));
+                    // Once it has ended the audience is told the same further on: that is the sign of life for which it stays.
                     let why = self.pump(&mut session).await;
-                    self.telling.send_replace(None);
-                    self.counts.offset_us.store(UNKNOWN, Relaxed);
                     session.peer.close().await;
                     log::info!("the connection to the sender has ended: {why}");
                 }

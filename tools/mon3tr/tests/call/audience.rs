@@ -111,8 +111,23 @@ fn an_audience_gets_the_same_motion_and_voice_also_after_the_sender_has_come_bac
     }
     assert_eq!(forwarder.statistics().viewers, most);
     sender.program.kill();
-    // As another announcement, which the viewers have to read anew.
+    // Away for longer than a viewer takes a silent connection for a good one: the audience stays.
     let avatar = house.avatar.to_str().expect("UTF-8");
+    std::thread::sleep(Duration::from_secs(3));
+    let again = house.send(&["--room", &sender.own, "--avatar", avatar]);
+    for viewer in &viewers {
+        while viewer.next(Duration::ZERO).is_ok() {}
+    }
+    assert_alike(&frames(&viewers, 60));
+    for viewer in &viewers {
+        assert_eq!(
+            viewer.statistics().sessions,
+            1,
+            "one connection all the time"
+        );
+    }
+    again.kill();
+    // As another announcement, which the viewers have to read anew.
     let arguments = [
         "--room",
         &sender.own,
