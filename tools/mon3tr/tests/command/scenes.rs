@@ -139,10 +139,14 @@ fn render_shows_a_scene_without_anyone_from_a_side_or_from_its_cameras() {
         "the floor is seen by both"
     );
     assert_ne!(read(&third), read(&seventh), "from different places");
-    assert_eq!(
-        read(&third),
-        read(&first),
-        "without --id it is the file's first camera"
+    // Each run draws with the back end that it found faster, and these agree to a few steps of 256.
+    let [third, first] = [&third, &first].map(|path| image::open(path).expect("a PNG").to_rgb8());
+    let furthest = (third.as_raw().iter().zip(first.as_raw()))
+        .map(|(a, b)| a.abs_diff(*b))
+        .max();
+    assert!(
+        furthest.is_some_and(|steps| steps <= 4),
+        "without --id it is the file's first camera: {furthest:?} steps apart"
     );
 }
 
