@@ -127,26 +127,34 @@ impl Header {
                 ["format", other, ..] => {
                     return Err(source.unsupported(
                         Format::Ply,
-                        format!("the encoding {other}"),
+                        format!("the encoding {}", other.escape_debug()),
                         "write the file as binary_little_endian",
                     ));
                 }
                 ["element", name, count] => {
                     let count = count.parse().map_err(|_| {
-                        damaged(format!("element `{name}` has the count `{count}`"))
+                        damaged(format!(
+                            "element `{}` has the count `{}`",
+                            name.escape_debug(),
+                            count.escape_debug()
+                        ))
                     })?;
                     if elements.len() == MAX_ELEMENTS {
                         return Err(damaged(format!("it has more than {MAX_ELEMENTS} elements")));
                     }
                     elements.push(Element {
-                        name: (*name).to_owned(),
+                        // It may be printed.
+                        name: name.escape_debug().to_string(),
                         count,
                         properties: Vec::new(),
                     });
                 }
                 ["property", words @ ..] => {
                     let property = property(words).ok_or_else(|| {
-                        damaged(format!("its header has the line `{}`", line.trim()))
+                        damaged(format!(
+                            "its header has the line `{}`",
+                            line.trim().escape_debug()
+                        ))
                     })?;
                     let Some(element) = elements.last_mut() else {
                         return Err(damaged(

@@ -1,5 +1,6 @@
 //! The sender's presence: a stream of events that is open while the sender is in the room.
 
+use super::guard::discard;
 use super::rooms::{random, room_of};
 use super::{App, HttpError};
 use crate::Id;
@@ -7,8 +8,7 @@ use crate::ice::TELL_ICE_EVERY;
 use crate::rooms::{NotEntered, PresenceGuard, RoomReply, RoomRequest, is_of_another};
 use crate::token::{Claims, Role, now};
 use axum::body::Bytes;
-use axum::extract::rejection::BytesRejection;
-use axum::extract::{Extension, Path, State};
+use axum::extract::{Extension, FromRequest, Path, Request, State};
 use axum::http::HeaderMap;
 use axum::response::sse::{Event as SseEvent, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
@@ -33,9 +33,18 @@ pub(super) async fn enter(
     Extension(claims): Extension<Claims>,
     Path(room): Path<String>,
     headers: HeaderMap,
-    body: Result<Bytes, BytesRejection>,
+    request: Request,
 ) -> Result<Response, HttpError> {
-    let room = room_of(&app, &claims, &[Role::Sender], &room)?;
+    // Before the body: a viewer's token is to keep no connection open.
+    let room = match room_of(&app, &claims, &[Role::Sender], &room) {
+        Ok(room) => room,
+        Err(refusal) => {
+            discard(request.into_body());
+            return Err(refusal);
+        }
+    };
+    let body = tokio::time::timeout(ANNOUNCED_WITHIN, Bytes::from_request(request, &()));
+    let body = body.await.map_err(|_| HttpError::TooSlow)?;
     let sender: EnterRoom = serde_json::from_slice(&body?).map_err(HttpError::NoAnnouncement)?;
     let avatar = sender.announcement.avatar;
     if claims.role == Role::Member {

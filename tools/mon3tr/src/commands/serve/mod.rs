@@ -66,8 +66,35 @@ fn folder(data: Option<&Path>) -> anyhow::Result<PathBuf> {
     }
 }
 
+/// Everything that the server writes is for its own user alone: avatars are people's likenesses.
+fn keep_to_oneself() {
+    #[cfg(unix)]
+    rustix::process::umask(rustix::fs::Mode::RWXG | rustix::fs::Mode::RWXO);
+}
+
+/// Lets this process have as many open files, and so connections, as the system allows it: many systems begin with 1,024, which three addresses fill.
+fn raise_open_files() {
+    #[cfg(unix)]
+    {
+        use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+        let limit = getrlimit(Resource::Nofile);
+        let raised = Rlimit {
+            current: limit.maximum,
+            ..limit
+        };
+        if let Err(error) = setrlimit(Resource::Nofile, raised) {
+            log::warn!(
+                "no more than {:?} connections are possible: {error}",
+                limit.current
+            );
+        }
+    }
+}
+
 /// Runs `serve`.
 pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
+    keep_to_oneself();
+    raise_open_files();
     let folder = folder(options.data.as_deref())?;
     make_folder(&folder)?;
     let secret = Secret::load_or_create(&folder.join("secret"))?;

@@ -1,0 +1,78 @@
+//! Viewers on their way in: whoever has the link may offer as often as they like, and never connect.
+
+use link_protocol::Name;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::time::Instant;
+
+/// Viewers that are being connected at once. One more takes the place of the one that has tried longest: who offers again and again and never
+/// connects keeps nobody out.
+const MOST_OPENING: usize = 16;
+
+/// Between two lines about viewers who could not join.
+const TOLD_APART: Duration = Duration::from_secs(5);
+
+/// Tells of viewers who could not join, but not of any number of them: whoever has the link may try as often as they like.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Refusals(Arc<Mutex<Option<Instant>>>);
+
+impl Refusals {
+    pub(crate) fn tell(&self, why: &dyn std::fmt::Display) {
+        let mut told = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if told.is_none_or(|at| at.elapsed() >= TOLD_APART) {
+            *told = Some(Instant::now());
+            log::warn!("a viewer could not join: {why}");
+        } else {
+            log::debug!("another viewer could not join: {why}");
+        }
+    }
+}
+
+/// The viewers that are being connected, the one that has tried longest first.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Opening(Arc<Mutex<VecDeque<Name>>>);
+
+impl Opening {
+    /// One more. Which one has to make room for it, if there are too many.
+    pub(crate) fn begin(&self, viewer: &Name) -> Option<Name> {
+        let mut opening = self.locked();
+        opening.push_back(viewer.clone());
+        (opening.len() > MOST_OPENING)
+            .then(|| opening.pop_front())
+            .flatten()
+    }
+
+    /// It is connected, or has failed.
+    pub(crate) fn end(&self, viewer: &Name) {
+        self.locked().retain(|other| other != viewer);
+    }
+
+    fn locked(&self) -> MutexGuard<'_, VecDeque<Name>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_never_connects_makes_room_for_who_does() {
+        let opening = Opening::default();
+        let viewer = |number: u8| Name::of_id([number; 16]);
+        for number in 0..16 {
+            assert_eq!(opening.begin(&viewer(number)), None);
+        }
+        assert_eq!(opening.begin(&viewer(16)), Some(viewer(0)), "the oldest");
+        opening.end(&viewer(5));
+        assert_eq!(opening.begin(&viewer(17)), None, "one is connected");
+        assert_eq!(opening.begin(&viewer(18)), Some(viewer(1)));
+        opening.end(&viewer(0));
+        assert_eq!(
+            opening.locked().len(),
+            16,
+            "an end that comes twice changes nothing"
+        );
+    }
+}
