@@ -18,6 +18,7 @@ use app_session::headset::{
 use app_session::overlay::Notice;
 use app_session::participant::{CallReport, NetworkContext, Origin, Participant};
 use app_session::session::{Session, SessionConfig, SessionReport};
+use link_call::Credentials;
 use link_http::cache::PackageInUse;
 use link_http::{Client, PackageCache};
 use link_playout::Clock;
@@ -39,6 +40,9 @@ pub(super) fn run(
     let network = NetworkContext {
         network: threads.handle().clone(),
         client: Client::new(None)?,
+        own: Some(Credentials::new(
+            task.launch.folders.keys()?.identity().clone(),
+        )),
         clock: Clock::start(),
     };
     let folders = &task.launch.folders;

@@ -11,6 +11,7 @@ use anyhow::{Context, anyhow};
 use app_pipeline::placement::InferenceBackends;
 use app_pipeline::pool::in_own_pool;
 use app_session::arrival::unless_over;
+use app_session::call::CallWatch;
 use app_session::headset::{
     FrameCapture, FrameObserver, HeadsetDisplay, HeadsetHandle, NoticeBoard, PresentOptions,
     WearerSlot, show_notice,
@@ -19,9 +20,11 @@ use app_session::own_motion::OwnMotion;
 use app_session::participant::{NetworkContext, Origin, Participant};
 use app_session::session::Session;
 use call_member::{
-    Guest, Members, Performance, Roster, SetAtEnd, WEARER_RATE, WearerCapture, play_voices,
+    Acquaintances, Guest, Members, Performance, Roster, SetAtEnd, WEARER_RATE, WearerCapture,
+    play_voices,
 };
-use link_call::Sender;
+use identity::Keyring;
+use link_call::{Credentials, Sender};
 use link_codec::Codec;
 use link_http::{Client, PackageCache};
 use link_playout::Clock;
@@ -42,6 +45,8 @@ use voice_processing::FarEnd;
 
 /// How long the call waits for the wearer to allow the microphone. It begins without it then, and takes it when it may.
 const ASKED_FOR: Duration = Duration::from_secs(20);
+/// Between two tries to open the loudspeaker.
+const LOUDSPEAKER_AGAIN: Duration = Duration::from_secs(2);
 /// Between two looks at what is waited for.
 const LOOK: Duration = Duration::from_millis(50);
 
@@ -59,12 +64,14 @@ pub(super) fn run(
         return show_until_closed(task, "You need an avatar for this call", lines);
     }
     let threads = Network::start()?;
+    let keyring = task.launch.folders.keys()?;
     let member = Member {
         task,
         settings,
         network: NetworkContext {
             network: threads.handle().clone(),
             client: Client::new(None)?,
+            own: Some(Credentials::new(keyring.identity().clone())),
             clock: Clock::start(),
         },
         packages: task.launch.folders.packages(settings.cache_bytes.value)?,
@@ -77,7 +84,9 @@ pub(super) fn run(
             codec: Codec::default(),
             channel: ChannelMode::default(),
             rate_hz: WEARER_RATE,
+            credentials: None,
         },
+        keyring,
         stop: AtomicBool::new(false),
     };
     let Some((avatar, host)) = member.enter()? else {
@@ -105,6 +114,7 @@ struct Member<'a> {
     network: NetworkContext,
     packages: PackageCache,
     desk: Desk,
+    keyring: Keyring,
     /// It is time to leave.
     stop: AtomicBool,
 }
@@ -147,6 +157,11 @@ impl Member<'_> {
         );
         notice(board, "May the others hear you?", lines);
         recording.ask();
+        if self.task.launch.folders.was_microphone_asked_for() {
+            // They have answered once. A question that Android shows once more is not waited for: the microphone is taken when it may be.
+            log::warn!("the microphone is not allowed: the call goes on without it");
+            return;
+        }
         let asked = Instant::now();
         while !is_over() && asked.elapsed() < ASKED_FOR {
             if recording.is_granted() {
@@ -168,7 +183,20 @@ impl Member<'_> {
         let path = &self.desk.avatar;
         let avatar = in_own_pool("package", || Avatar::load(path))?
             .with_context(|| format!("cannot use the avatar package {}", path.display()))?;
-        let server = self.desk.place.server();
+        let own = self.keyring.identity();
+        let permits = self.keyring.permits()?;
+        let credentials = Credentials::for_avatar(own.clone(), avatar.signer, &permits)
+            .with_context(|| {
+                format!(
+                    "this headset may not drive that avatar: its owner runs `mon3tr keys allow {}`, and what that prints goes into the file `permits` beside the avatar",
+                    own.public()
+                )
+            })?;
+        let desk = Desk {
+            credentials: Some(credentials),
+            ..self.desk.clone()
+        };
+        let server = desk.place.server();
         notice(board, "One moment", [format!("Asking {server} ...")]);
         let progress = {
             let board = board.clone();
@@ -182,8 +210,9 @@ impl Member<'_> {
             network,
             client,
             clock,
+            ..
         } = &self.network;
-        let entering = sender::enter(client, &self.desk, *clock, progress);
+        let entering = sender::enter(client, &desk, *clock, progress);
         let Some(entered) = network.block_on(unless_over(is_over, entering)) else {
             return Ok(None);
         };
@@ -214,10 +243,11 @@ impl Member<'_> {
             FarEnd::default(),
         );
         let voices: Vec<_> = (0..MAX_PEOPLE).map(|_| VoiceQueue::default()).collect();
-        let _loudspeaker = play_voices(None, &voices, clock, Some(far_end.clone()))
-            .inspect_err(|why| log::warn!("no voice is heard: {why}"))
-            .ok();
-        let mut microphone = AllowedMicrophone::new(Arc::clone(&self.task.recording), far_end);
+        let mut microphone = AllowedMicrophone::new(
+            Arc::clone(&self.task.recording),
+            self.task.control.clone(),
+            far_end.clone(),
+        );
         let sits = settings.seat.value;
         let stance = if sits {
             Stance::Seated
@@ -229,8 +259,9 @@ impl Member<'_> {
         let roster = Roster {
             link: link.clone(),
             own: host.venue(),
-            voices,
+            voices: voices.clone(),
             members: Members::default(),
+            acquaintances: Acquaintances::open(self.task.launch.folders.people_met()),
             offers: host.offers(),
             longest: None,
             network: &self.network,
@@ -273,18 +304,19 @@ impl Member<'_> {
                 };
                 performance.send(host, clock, &self.stop)
             });
+            scope.spawn(|| self.play(&voices, &far_end));
             scope.spawn(|| {
                 let _over = SetAtEnd(&self.stop);
                 roster.follow(
-                    |room, announced| self.fetch(room, announced),
+                    |room, announced, watch| self.fetch(room, announced, watch),
                     |guest| admit.send(self.participant(guest)).is_ok(),
                 )
             });
             let shown = {
                 let _over = SetAtEnd(&self.stop);
+                let _unworn = slot.close_at_end();
                 session.run(&mut display)
             };
-            slot.close();
             (shown, sent.join())
         });
         let shown = shown?;
@@ -300,17 +332,37 @@ impl Member<'_> {
             .context("the call ended")
     }
 
+    /// Plays what the others say until it is time to leave, as soon as there is a loudspeaker.
+    fn play(&self, voices: &[VoiceQueue], far_end: &FarEnd) {
+        let (mut played, mut is_told) = (None, false);
+        let mut next = Instant::now();
+        while !self.stop.load(Relaxed) {
+            if played.is_none() && Instant::now() >= next {
+                next = Instant::now() + LOUDSPEAKER_AGAIN;
+                match play_voices(None, voices, self.network.clock, Some(far_end.clone())) {
+                    Ok(loudspeaker) => played = Some(loudspeaker),
+                    Err(why) if !std::mem::replace(&mut is_told, true) => {
+                        log::warn!("no voice is heard so far: {why}");
+                    }
+                    Err(_) => {}
+                }
+            }
+            std::thread::sleep(LOOK);
+        }
+    }
+
     /// The avatar that someone has announced, from this headset or else from the server; nothing if it is time to leave before.
     fn fetch(
         &self,
         room: &RoomLink,
         announced: &Announcement,
+        watch: &CallWatch,
     ) -> anyhow::Result<Option<Arc<Avatar>>> {
         let NetworkContext {
             network, client, ..
         } = &self.network;
         let fetching = client.fetch_package(room, &announced.avatar, &self.packages, |_| {});
-        let is_over = || self.stop.load(Relaxed);
+        let is_over = || self.stop.load(Relaxed) || watch.is_over();
         let Some(path) = network.block_on(unless_over(is_over, fetching)) else {
             return Ok(None);
         };

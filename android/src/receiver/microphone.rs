@@ -1,6 +1,7 @@
-//! The headset's microphone, as soon as the wearer allows it.
+//! The headset's microphone, as soon as the wearer allows it, and while they wear the headset.
 
 use super::RecordingPermission;
+use app_pipeline::control::Control;
 use link_voice::FRAME;
 use sender::{ProcessedMicrophone, SendError, VoiceSource};
 use sound_devices::{Microphone, SoundError, SoundServer};
@@ -16,6 +17,7 @@ const WAIT: Duration = Duration::from_millis(100);
 /// A microphone that is opened once it may be, with echo and noise taken out.
 pub(super) struct AllowedMicrophone {
     recording: Arc<dyn RecordingPermission>,
+    control: Control,
     far_end: FarEnd,
     opened: Option<ProcessedMicrophone>,
     looked: Option<Instant>,
@@ -24,10 +26,15 @@ pub(super) struct AllowedMicrophone {
 }
 
 impl AllowedMicrophone {
-    /// The one that Android chooses, without what `far_end` is told of the loudspeaker.
-    pub(super) fn new(recording: Arc<dyn RecordingPermission>, far_end: FarEnd) -> Self {
+    /// The one that Android chooses, without what `far_end` is told of the loudspeaker; silent while `control` is paused.
+    pub(super) fn new(
+        recording: Arc<dyn RecordingPermission>,
+        control: Control,
+        far_end: FarEnd,
+    ) -> Self {
         Self {
             recording,
+            control,
             far_end,
             opened: None,
             looked: None,
@@ -73,7 +80,12 @@ impl VoiceSource for AllowedMicrophone {
             self.look();
         }
         if let Some(opened) = &mut self.opened {
-            return opened.next(frame);
+            let heard = opened.next(frame)?;
+            if self.control.is_paused() {
+                // The headset is off, or another program is in front: what is said there is not for the call.
+                frame.fill(0.0);
+            }
+            return Ok(heard);
         }
         std::thread::sleep(WAIT);
         Ok(None)

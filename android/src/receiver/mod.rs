@@ -4,6 +4,7 @@
 //! measurement (`profile.rs`), or the panel of missing settings. The activity's thread pauses, resumes and ends it through a [`Control`].
 
 mod call;
+mod consent;
 mod member;
 mod microphone;
 mod missing;
@@ -208,6 +209,9 @@ fn run(
 
 impl TaskContext<'_> {
     fn perform(&self, settings: &Settings) -> anyhow::Result<()> {
+        if !consent::is_given(self, settings)? {
+            return Ok(());
+        }
         match &settings.task {
             Task::Call(rooms) => call::run(self, settings, &rooms.value),
             Task::Member(link) => member::run(self, settings, &link.value),

@@ -1,6 +1,8 @@
 //! The app's two folders: one that no other app can read, one that adb can.
 
+use super::KnownServers;
 use crate::package::SETTINGS_FILE;
+use identity::{IdentityError, Keyring};
 use link_http::{HttpError, PackageCache};
 use std::path::{Path, PathBuf};
 
@@ -43,6 +45,37 @@ impl Folders {
     #[must_use]
     pub fn avatar(&self, name: &str) -> PathBuf {
         self.shared.join(name)
+    }
+
+    /// One's own key and the permits of others' avatars, which adb can push.
+    ///
+    /// # Errors
+    /// If the key cannot be read or made.
+    pub fn keys(&self) -> Result<Keyring, IdentityError> {
+        Keyring::open(self.own.join("key"), self.shared.join("permits"))
+    }
+
+    /// The file of the people whom the wearer has met.
+    #[must_use]
+    pub fn people_met(&self) -> PathBuf {
+        self.own.join("met")
+    }
+
+    /// Whether the wearer was asked for the microphone before; from now on they were.
+    #[must_use]
+    pub fn was_microphone_asked_for(&self) -> bool {
+        let file = self.own.join("microphone-asked-for");
+        let was = file.exists();
+        if let Err(error) = std::fs::write(file, "") {
+            log::debug!("that the microphone was asked for is not kept: {error}");
+        }
+        was
+    }
+
+    /// The servers that the wearer has agreed to go to.
+    #[must_use]
+    pub fn servers(&self) -> KnownServers {
+        KnownServers::new(self.own.join("servers"))
     }
 
     /// Networks compiled for the NPU.

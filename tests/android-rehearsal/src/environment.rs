@@ -140,6 +140,11 @@ impl Scene<'_> {
         self.folder.join("external")
     }
 
+    /// The app's file of the servers that the wearer has agreed to.
+    pub(crate) fn known_servers(&self) -> PathBuf {
+        self.folder.join("internal/servers")
+    }
+
     /// A server, and a person of this size to be sent.
     pub(crate) fn server(&self, person: PuppetSize) -> anyhow::Result<Server> {
         let folder = self.folder.join("server");
@@ -153,6 +158,10 @@ impl Scene<'_> {
         let address = program.word_after("serving on http://");
         let token = fs::read_to_string(folder.join("owner-token"))
             .context("the server has left no token")?;
+        // The wearer has been there; the case `consent` has one who was not.
+        let known = self.known_servers();
+        fs::create_dir_all(known.parent().unwrap_or(&self.folder))?;
+        fs::write(known, format!("http://{address}\n"))?;
         Ok(Server {
             address: address.parse()?,
             avatar,

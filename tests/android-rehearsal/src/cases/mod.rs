@@ -2,6 +2,7 @@
 
 mod activities;
 mod call;
+mod consent;
 mod first_run;
 mod hostile;
 mod leaks;
@@ -28,7 +29,7 @@ pub(crate) struct Case {
 }
 
 /// All of them, the quickest first.
-pub(crate) const CASES: [Case; 14] = [
+pub(crate) const CASES: [Case; 15] = [
     Case {
         name: "first-run",
         shows: "an app that knows no room says in the headset what to type",
@@ -53,6 +54,11 @@ pub(crate) const CASES: [Case; 14] = [
         name: "hostile",
         shows: "intents and links from strangers are refused in words, and input is left to the system",
         perform: hostile::perform,
+    },
+    Case {
+        name: "consent",
+        shows: "a link to a server that is new to the wearer asks them first, and goes there once they hold a grip",
+        perform: consent::perform,
     },
     Case {
         name: "panic",
