@@ -11,22 +11,37 @@ use link_protocol::room_link::ServerUrl;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::time::Duration;
 use tokio::net::{UdpSocket, lookup_host};
 use tokio::time::timeout;
+
+/// How long a name's addresses are waited for.
+const LOOKUP: Duration = Duration::from_secs(3);
 
 /// What ways there are to this machine.
 #[derive(Debug, Clone, Serialize)]
 pub struct Reach {
     /// Its own addresses.
     pub own: BTreeSet<IpAddr>,
-    /// As whom it is seen, from one socket: a STUN server's address, and the address that it saw.
-    pub seen: Vec<(IceUrl, SocketAddr)>,
+    /// As whom it is seen, from one socket.
+    pub seen: Vec<Sighting>,
     /// STUN servers that did not answer over UDP.
     pub silent: Vec<IceUrl>,
     /// The relay that answers ...
     pub relay: Option<Relay>,
     /// ... and whether it has lent an address.
     pub is_lent: bool,
+}
+
+/// What one STUN server saw.
+#[derive(Debug, Clone, Serialize)]
+pub struct Sighting {
+    /// The server.
+    pub url: IceUrl,
+    /// Its address.
+    pub server: IpAddr,
+    /// From where this machine's question came.
+    pub seen: SocketAddr,
 }
 
 /// What is between this machine and the internet.
@@ -39,7 +54,7 @@ pub enum Between {
     Cone,
     /// A NAT that gives another address for each destination: calls to others who are behind a NAT need a relay.
     Symmetric,
-    /// A NAT of one of these two kinds: two STUN servers would tell.
+    /// A NAT of one of these two kinds: two STUN servers at different addresses would tell.
     SomeNat,
     /// Something that lets no UDP through, or there is no STUN server to ask.
     NoUdp,
@@ -49,12 +64,14 @@ impl Reach {
     /// What is between, as far as the answers tell.
     #[must_use]
     pub fn between(&self) -> Between {
-        let ports: BTreeSet<SocketAddr> = self.seen.iter().map(|(_, seen)| *seen).collect();
+        let seen: BTreeSet<SocketAddr> = self.seen.iter().map(|one| one.seen).collect();
+        let servers: BTreeSet<IpAddr> = self.seen.iter().map(|one| one.server).collect();
         match self.seen.first() {
             None => Between::NoUdp,
-            Some((_, seen)) if self.own.contains(&seen.ip()) => Between::Nothing,
-            Some(_) if ports.len() > 1 => Between::Symmetric,
-            Some(_) if self.seen.len() > 1 => Between::Cone,
+            Some(one) if self.own.contains(&one.seen.ip()) => Between::Nothing,
+            Some(_) if seen.len() > 1 => Between::Symmetric,
+            // A NAT may tell destinations apart by their address alone.
+            Some(_) if servers.len() > 1 => Between::Cone,
             Some(_) => Between::SomeNat,
         }
     }
@@ -76,7 +93,7 @@ impl Reach {
             Vec::new()
         });
         let silent = (urls.into_iter())
-            .filter(|url| !seen.iter().any(|(answering, _)| answering == url))
+            .filter(|url| !seen.iter().any(|one| one.url == *url))
             .collect();
         // It keeps the way to a relay over TCP.
         let planner = Planner::default();
@@ -103,17 +120,22 @@ fn is_relayed(line: &str) -> bool {
 }
 
 /// Asks one after the other, all from one socket, so that what they see can be compared. IPv4 only: no NAT is in the way of IPv6.
-async fn ask_each(urls: &[IceUrl]) -> std::io::Result<Vec<(IceUrl, SocketAddr)>> {
+async fn ask_each(urls: &[IceUrl]) -> std::io::Result<Vec<Sighting>> {
     let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).await?;
     let mut seen = Vec::new();
     for url in urls {
-        let found = lookup_host((url.host.as_str(), url.port)).await;
-        let address = found.into_iter().flatten().find(SocketAddr::is_ipv4);
+        let found = timeout(LOOKUP, lookup_host((url.host.as_str(), url.port))).await;
+        let found = found.into_iter().flatten();
+        let address = found.flatten().find(SocketAddr::is_ipv4);
         let Some(address) = address else {
             continue;
         };
         if let Ok(Ok(mapped)) = timeout(UNREACHABLE, ask_from(&socket, address)).await {
-            seen.push((url.clone(), mapped));
+            seen.push(Sighting {
+                url: url.clone(),
+                server: address.ip(),
+                seen: mapped,
+            });
         }
     }
     Ok(seen)
@@ -123,11 +145,13 @@ async fn ask_each(urls: &[IceUrl]) -> std::io::Result<Vec<(IceUrl, SocketAddr)>>
 mod tests {
     use super::*;
 
-    fn reach(own: &[&str], seen: &[&str]) -> Between {
-        let url: IceUrl = "stun:192.0.2.9".parse().expect("an address");
-        let seen = seen
-            .iter()
-            .map(|seen| (url.clone(), seen.parse().expect("an address")));
+    /// Each with the server's address.
+    fn reach(own: &[&str], seen: &[(&str, &str)]) -> Between {
+        let seen = seen.iter().map(|(server, seen)| Sighting {
+            url: format!("stun:{server}").parse().expect("an address"),
+            server: server.parse().expect("an address"),
+            seen: seen.parse().expect("an address"),
+        });
         Reach {
             own: own
                 .iter()
@@ -144,12 +168,22 @@ mod tests {
     #[test]
     fn what_is_between_follows_from_what_servers_see() {
         let own = ["192.168.1.2", "203.0.113.5"];
-        assert_eq!(reach(&own, &["203.0.113.5:9"]), Between::Nothing);
+        let (here, there) = ("192.0.2.9", "192.0.2.10");
+        assert_eq!(reach(&own, &[(here, "203.0.113.5:9")]), Between::Nothing);
         let own = ["192.168.1.2"];
         assert_eq!(reach(&own, &[]), Between::NoUdp);
-        assert_eq!(reach(&own, &["203.0.113.5:9"]), Between::SomeNat);
         let [one, other] = ["203.0.113.5:9", "203.0.113.5:10"];
-        assert_eq!(reach(&own, &[one, one]), Between::Cone);
-        assert_eq!(reach(&own, &[one, other]), Between::Symmetric);
+        assert_eq!(reach(&own, &[(here, one)]), Between::SomeNat);
+        let twice = [(here, one), (here, one)];
+        assert_eq!(
+            reach(&own, &twice),
+            Between::SomeNat,
+            "one server, asked twice"
+        );
+        assert_eq!(reach(&own, &[(here, one), (there, one)]), Between::Cone);
+        assert_eq!(
+            reach(&own, &[(here, one), (there, other)]),
+            Between::Symmetric
+        );
     }
 }

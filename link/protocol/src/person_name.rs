@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// A person's name as others read it: 1 to [`MAX_PERSON_NAME`] characters, of which some can be seen and none moves a cursor or turns the direction of writing. It
-/// says who they say that they are, nothing more.
+/// A person's name as others read it: 1 to [`MAX_PERSON_NAME`] characters that are seen, with single blanks between, and those joiners and variation selectors
+/// that scripts and emoji need. It says who they say that they are, nothing more.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub struct PersonName(String);
@@ -17,6 +17,13 @@ impl PersonName {
     #[must_use]
     pub fn as_str(&self) -> &str {
         &self.0
+    }
+
+    /// What is seen of it, in small letters: two names of which this is the same look alike.
+    #[must_use]
+    pub fn as_seen(&self) -> String {
+        let seen = self.0.chars().filter(|c| *c == ' ' || !is_invisible(*c));
+        seen.flat_map(char::to_lowercase).collect()
     }
 }
 
@@ -33,6 +40,25 @@ fn is_invisible(c: char) -> bool {
             | '\u{200c}'..='\u{200d}' | '\u{2800}' | '\u{3164}' | '\u{fe00}'..='\u{fe0f}' | '\u{ffa0}' | '\u{e0000}'..='\u{e0fff}')
 }
 
+/// Whether a character is seen by itself, or does something to its neighbours: a joiner stands between two characters of other scripts than Latin, a variation
+/// selector behind one.
+fn is_seen_or_needed(letters: &[char], at: usize) -> bool {
+    let at_is = |at: Option<usize>, is: &dyn Fn(char) -> bool| {
+        at.and_then(|at| letters.get(at)).is_some_and(|c| is(*c))
+    };
+    let is_selector = |c: char| matches!(c, '\u{180b}'..='\u{180d}' | '\u{fe00}'..='\u{fe0f}');
+    let is_foreign = |c: char| !c.is_ascii() && !is_invisible(c);
+    let before = at.checked_sub(1);
+    match letters.get(at) {
+        Some(' ') | None => true,
+        Some('\u{200c}' | '\u{200d}') => {
+            at_is(before, &|c| is_foreign(c) || is_selector(c)) && at_is(Some(at + 1), &is_foreign)
+        }
+        Some(c) if is_selector(*c) => at_is(before, &is_foreign),
+        Some(c) => !is_invisible(*c),
+    }
+}
+
 impl TryFrom<String> for PersonName {
     type Error = ProtocolError;
 
@@ -45,12 +71,15 @@ impl FromStr for PersonName {
     type Err = ProtocolError;
 
     fn from_str(text: &str) -> Result<Self, ProtocolError> {
-        let name = text.trim();
-        let is_name = (1..=MAX_PERSON_NAME).contains(&name.chars().count())
-            && !name.chars().any(is_steering)
-            && !name.chars().all(is_invisible);
+        // No more of it is looked at than may be.
+        let begins: Vec<&str> = text.split_whitespace().take(MAX_PERSON_NAME + 1).collect();
+        let name = begins.join(" ");
+        let letters: Vec<char> = name.chars().take(MAX_PERSON_NAME + 1).collect();
+        let is_name = (1..=MAX_PERSON_NAME).contains(&letters.len())
+            && !text.trim().chars().any(is_steering)
+            && (0..letters.len()).all(|at| is_seen_or_needed(&letters, at));
         if is_name {
-            Ok(Self(name.to_owned()))
+            Ok(Self(name))
         } else {
             Err(ProtocolError::PersonName)
         }
@@ -75,7 +104,15 @@ mod tests {
 
     #[test]
     fn names_of_any_script_are_names_and_what_steers_a_terminal_is_none() {
-        for name in ["Ada", "Ибн Сина", "李白", "O'Neill-Žižek", "👩\u{200d}🔬"] {
+        for name in [
+            "Ada",
+            "Ибн Сина",
+            "李白",
+            "O'Neill-Žižek",
+            "👩\u{200d}🔬",
+            "❤\u{fe0f}\u{200d}🔥",
+            "می\u{200c}خواهم",
+        ] {
             assert!(name.parse::<PersonName>().is_ok(), "{name}");
         }
         let long = "x".repeat(MAX_PERSON_NAME + 1);
@@ -86,11 +123,22 @@ mod tests {
             "\u{1b}[2J",
             "\u{202e}adA",
             "\u{3164}\u{2800}",
+            "A\u{200d}da",
+            "Ada\u{200d}",
+            "A\u{ad}da",
+            "Ada\u{fe0f}",
+            "Ada\u{e0041}",
+            "李\u{3164}白",
+            "李\u{200d}\u{200d}白",
             &long,
         ] {
             assert!(text.parse::<PersonName>().is_err(), "{text:?}");
         }
         let padded: PersonName = "  Ada ".parse().expect("a name");
         assert_eq!(padded.as_str(), "Ada");
+        let spread: PersonName = "Ada \u{a0}\u{2003} B".parse().expect("a name");
+        assert_eq!(spread.as_str(), "Ada B", "one blank, as it is seen");
+        let selected: PersonName = "李\u{fe00}白".parse().expect("a name");
+        assert_eq!(selected.as_seen(), "李白");
     }
 }

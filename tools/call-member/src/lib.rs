@@ -1,11 +1,13 @@
 //! A member of a call of several, who is its sender and a viewer of everyone else: what the `mon3tr` command and the app on a headset share.
 
+mod acquaintances;
 mod members;
 mod perform;
 mod roster;
 mod voices;
 mod wearer;
 
+pub use acquaintances::{Acquaintances, Meeting};
 pub use members::{Member, Members};
 pub use perform::{Performance, SetAtEnd};
 pub use roster::{Guest, Roster, RosterFigures};

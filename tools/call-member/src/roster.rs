@@ -1,19 +1,22 @@
 //! Who is in the call: asks the server for its seats, tells who comes and goes, and hands each newcomer over with the avatar fetched.
 
+use crate::acquaintances::{Acquaintances, Meeting};
 use crate::members::{Member, Members};
 use anyhow::Context;
 use app_session::call::CallWatch;
 use app_session::participant::NetworkContext;
+use identity::PublicKey;
 use link_call::Venue;
 use link_http::HttpError;
 use link_protocol::calls::{CallStatus, Seat, Taken};
 use link_protocol::data_channel::PersonState;
-use link_protocol::{Announcement, CallLink, Name, PackageId, RoomLink};
+use link_protocol::limits::MAX_PEOPLE;
+use link_protocol::{Announcement, CallLink, Name, PersonName, RoomLink};
 use link_voice::VoiceQueue;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::{Duration, Instant};
 use tokio::sync::Notify;
 use tokio::task::JoinHandle;
@@ -30,9 +33,17 @@ const SILENCE: Duration = Duration::from_secs(5);
 /// After a goodbye the seat may seem taken for so long.
 const FAREWELL: Duration = Duration::from_secs(3);
 
-/// From the first failure of a person to be shown until they are tried again once more, and the longest pause there is: each doubles the one before.
+/// From the first failure of a person to be shown until whoever sits there is tried again once more, and the longest pause there is: each doubles the one
+/// before.
 const AGAIN: Duration = Duration::from_secs(3);
 const AGAIN_MOST: Duration = Duration::from_secs(60);
+
+/// A seat in which someone stayed for so long, or nothing failed for so long, has no trouble any more.
+const FORGIVEN: Duration = Duration::from_secs(60);
+const FORGOTTEN: Duration = Duration::from_secs(300);
+
+/// Changes of a person's state are told so far apart, at least; the last one is.
+const TOLD_APART: Duration = Duration::from_secs(2);
 
 /// Follows who is in the call.
 pub struct Roster<'a> {
@@ -44,6 +55,8 @@ pub struct Roster<'a> {
     pub voices: Vec<VoiceQueue>,
     /// Is kept as people come and go.
     pub members: Members,
+    /// Whom this side has met before.
+    pub acquaintances: Acquaintances,
     /// Is notified when someone wants to see this side.
     pub offers: Arc<Notify>,
     /// The call ends so long after the first of the others was there.
@@ -84,10 +97,12 @@ struct Known {
     name: String,
     taken: Taken,
     watch: CallWatch,
-    /// Whether they were handed over.
-    has_joined: bool,
-    /// What was told last.
-    state: PersonState,
+    /// When they were handed over.
+    joined: Option<Instant>,
+    /// Whether it was told who they are by their key.
+    is_introduced: bool,
+    /// What was told last, and when.
+    state: (PersonState, Option<Instant>),
     /// When bytes came last, and how many there were.
     heard: (Instant, u64),
     /// Whether the server shows the seat as theirs.
@@ -100,13 +115,16 @@ struct Known {
 #[derive(Default)]
 struct Seats {
     known: HashMap<Name, Known>,
+    /// Of which an avatar is being fetched. It may be for one who has left: nothing else is fetched until that ends.
+    fetching: HashSet<Name>,
     troubles: HashMap<Name, Trouble>,
 }
 
-/// A person whose seat stays taken while the call with them is over: the avatar does not load, or there is no room for it.
+/// Of a seat that stayed taken while the call with who sat there was over: the avatar does not load, or there is no room for it. Whoever comes next
+/// has to wait, too, for it may be the same one under another name.
 struct Trouble {
-    avatar: PackageId,
     times: u32,
+    last: Instant,
     /// When to try again.
     again: Instant,
 }
@@ -123,10 +141,10 @@ impl Newcomer {
     fn fetch<A>(
         self,
         link: &CallLink,
-        fetch: impl Fn(&RoomLink, &Announcement) -> anyhow::Result<Option<A>>,
+        fetch: impl Fn(&RoomLink, &Announcement, &CallWatch) -> anyhow::Result<Option<A>>,
     ) -> anyhow::Result<Option<Guest<A>>> {
         let (room, announced) = (link.seat(&self.seat), self.taken.announcement);
-        Ok(fetch(&room, &announced)?.map(|avatar| Guest {
+        Ok(fetch(&room, &announced, &self.watch)?.map(|avatar| Guest {
             room,
             announced,
             avatar,
@@ -153,14 +171,17 @@ pub struct RosterFigures {
 
 impl Roster<'_> {
     /// Hands newcomers to `admit` until the call is over; ends early where it does not take them any more. `fetch` has the avatar that was
-    /// announced in a seat; nothing where the call ended before. It is called from a thread of its own for each newcomer.
+    /// announced in a seat; nothing where the call, or the one with them, ended before, with which it has to end, too. It is called from a thread of its
+    /// own for each newcomer, for one of a seat at a time.
     pub fn follow<A: Send>(
-        self,
-        fetch: impl Fn(&RoomLink, &Announcement) -> anyhow::Result<Option<A>> + Sync,
+        mut self,
+        fetch: impl Fn(&RoomLink, &Announcement, &CallWatch) -> anyhow::Result<Option<A>> + Sync,
         mut admit: impl FnMut(Guest<A>) -> bool,
     ) -> RosterFigures {
         let mut figures = RosterFigures::default();
-        let (fetched, newcomers) = channel();
+        let mut acquaintances = std::mem::take(&mut self.acquaintances);
+        // One of each seat, at most.
+        let (fetched, newcomers) = sync_channel(MAX_PEOPLE);
         let mut seats = Seats::default();
         let mut asking: Option<Asking> = None;
         let mut asked = None;
@@ -176,12 +197,23 @@ impl Roster<'_> {
                     Some(Ok(status)) => {
                         troubled = false;
                         for newcomer in self.arrivals(&status.seats, &mut seats) {
+                            let (seat, watch) = (newcomer.seat.clone(), newcomer.watch.clone());
                             let (fetched, fetch, link) = (fetched.clone(), &fetch, &self.link);
-                            scope.spawn(move || {
-                                let (seat, watch) = (newcomer.seat.clone(), newcomer.watch.clone());
+                            let (theirs, of) = (seat.clone(), watch.clone());
+                            let fetches = move || {
                                 // The roster is over by then, maybe.
-                                let _ = fetched.send((seat, watch, newcomer.fetch(link, fetch)));
-                            });
+                                let _ = fetched.send((theirs, of, newcomer.fetch(link, fetch)));
+                            };
+                            let thread = std::thread::Builder::new().name("newcomer".to_owned());
+                            match thread.spawn_scoped(scope, fetches) {
+                                Ok(_) => drop(seats.fetching.insert(seat)),
+                                Err(why) => {
+                                    log::warn!(
+                                        "a person cannot be shown: no thread to fetch their avatar: {why}"
+                                    );
+                                    watch.leave();
+                                }
+                            }
                         }
                     }
                     Some(Err(why)) if !std::mem::replace(&mut troubled, true) => {
@@ -189,10 +221,12 @@ impl Roster<'_> {
                     }
                     Some(Err(_)) | None => {}
                 }
-                if !self.take(&newcomers, &mut seats.known, &mut admit) {
+                if !self.take(&newcomers, &mut seats, &mut admit) {
+                    // Who is fetched for nobody need not be.
+                    self.stop.store(true, Relaxed);
                     break;
                 }
-                self.look(&mut seats);
+                self.look(&mut seats, &mut acquaintances);
                 self.note(&mut figures);
                 std::thread::sleep(LOOK);
             }
@@ -255,12 +289,16 @@ impl Roster<'_> {
         let own = self.own.room();
         let mut arrivals = Vec::new();
         for (number, (seat, voice)) in told.iter().zip(&self.voices).enumerate() {
+            let known = seats.known.get_mut(&seat.room);
             if &seat.room == own.room() {
+                // Taken in place of one that was lost: who sat here before has left, and nobody meets themselves.
+                if let Some(former) = known {
+                    former.is_seated = false;
+                    former.watch.leave();
+                }
                 continue;
             }
-            let known = seats.known.get_mut(&seat.room);
             let Some(taken) = &seat.taken else {
-                seats.troubles.remove(&seat.room);
                 if let Some(person) = known {
                     person.is_seated = false;
                 }
@@ -276,10 +314,9 @@ impl Roster<'_> {
                 }
                 continue;
             }
-            let hash = taken.announcement.avatar.sha256;
-            let waits = (seats.troubles.get(&seat.room))
-                .is_some_and(|trouble| trouble.avatar == hash && Instant::now() < trouble.again);
-            if waits {
+            let trouble = seats.troubles.get(&seat.room);
+            let waits = trouble.is_some_and(|trouble| Instant::now() < trouble.again);
+            if waits || seats.fetching.contains(&seat.room) {
                 continue;
             }
             let name = seats.name(taken, number);
@@ -291,8 +328,9 @@ impl Roster<'_> {
                     name,
                     taken: taken.clone(),
                     watch: watch.clone(),
-                    has_joined: false,
-                    state: PersonState::default(),
+                    joined: None,
+                    is_introduced: false,
+                    state: (PersonState::default(), None),
                     heard: (Instant::now(), 0),
                     is_seated: true,
                     over: None,
@@ -312,10 +350,13 @@ impl Roster<'_> {
     fn take<A>(
         &self,
         newcomers: &Receiver<Fetched<A>>,
-        known: &mut HashMap<Name, Known>,
+        Seats {
+            known, fetching, ..
+        }: &mut Seats,
         admit: &mut impl FnMut(Guest<A>) -> bool,
     ) -> bool {
         while let Ok((room, watch, person)) = newcomers.try_recv() {
+            fetching.remove(&room);
             // Meanwhile they may have left, and another person may sit there.
             let theirs = known
                 .get_mut(&room)
@@ -327,7 +368,7 @@ impl Roster<'_> {
                 Ok(Some(_)) if entry.watch.is_over() => {}
                 Ok(Some(person)) => {
                     (self.tell)(&format!("{} has joined", entry.name));
-                    entry.has_joined = true;
+                    entry.joined = Some(Instant::now());
                     self.members.lock().push(Member {
                         name: entry.name.clone(),
                         watch: person.watch.clone(),
@@ -347,26 +388,69 @@ impl Roster<'_> {
         true
     }
 
+    /// Who a person is by their key, in a line.
+    fn introduction(
+        &self,
+        person: &Known,
+        key: Option<PublicKey>,
+        acquaintances: &mut Acquaintances,
+    ) -> String {
+        let name = &person.name;
+        let Some(key) = key else {
+            return format!("{name} shows no key: who they are is not known");
+        };
+        let shown = key.fingerprint();
+        let opened = if self.link.key() == Some(key.hash()) {
+            ", who opened the call"
+        } else {
+            ""
+        };
+        let Some(said) = &person.taken.person else {
+            return format!("{name} has the key {shown}{opened}");
+        };
+        match acquaintances.meet(key, said) {
+            Meeting::New => format!("{name} is new to you: their key is {shown}{opened}"),
+            Meeting::Again => format!("{name} is who you have met before ({shown}){opened}"),
+            Meeting::Renamed { before } => {
+                format!("{name} is who you have met as {before} ({shown}){opened}")
+            }
+            Meeting::Namesake => {
+                format!(
+                    "careful: {name} is not the one of that name whom you have met; their key is {shown}{opened}"
+                )
+            }
+        }
+    }
+
     /// Tells of changes, and forgets who is gone.
-    fn look(&self, seats: &mut Seats) {
-        let Seats { known, troubles } = seats;
+    fn look(&self, seats: &mut Seats, acquaintances: &mut Acquaintances) {
+        let Seats {
+            known, troubles, ..
+        } = seats;
+        troubles.retain(|_, trouble| trouble.last.elapsed() <= FORGOTTEN);
         known.retain(|seat, person| {
             let now = Instant::now();
             let bytes = person.watch.counts().payload_bytes;
             if bytes != person.heard.1 {
                 person.heard = (now, bytes);
             }
-            let state = person.watch.state();
-            let before = std::mem::replace(&mut person.state, state);
-            for line in told(&person.name, before, state) {
-                (self.tell)(&line);
+            if let (false, Some(key)) = (person.is_introduced, person.watch.key()) {
+                person.is_introduced = true;
+                (self.tell)(&self.introduction(person, key, acquaintances));
+            }
+            let (state, (before, told_at)) = (person.watch.state(), person.state);
+            if state != before && told_at.is_none_or(|at| at.elapsed() >= TOLD_APART) {
+                person.state = (state, Some(now));
+                for line in told(&person.name, before, state) {
+                    (self.tell)(&line);
+                }
             }
             if !person.is_seated && person.heard.0.elapsed() > SILENCE {
                 person.watch.leave();
             }
             if person.watch.is_over() && person.over.is_none() {
                 person.over = Some(now);
-                if person.has_joined {
+                if person.joined.is_some() {
                     (self.tell)(&format!("{} has left", person.name));
                 }
                 let watch = &person.watch;
@@ -382,7 +466,11 @@ impl Roster<'_> {
                 return true;
             }
             if person.is_seated {
-                note_trouble(troubles, seat, person.taken.announcement.avatar.sha256);
+                let stayed = person.joined.map(|joined| since.duration_since(joined));
+                if stayed.is_some_and(|stayed| stayed >= FORGIVEN) {
+                    troubles.remove(seat);
+                }
+                note_trouble(troubles, seat, now);
             }
             false
         });
@@ -390,37 +478,39 @@ impl Roster<'_> {
 }
 
 /// Has a person who sits there and could not be shown wait, the longer the more often it happened.
-fn note_trouble(troubles: &mut HashMap<Name, Trouble>, seat: &Name, avatar: PackageId) {
-    let times = (troubles.get(seat))
-        .filter(|trouble| trouble.avatar == avatar)
-        .map_or(0, |trouble| trouble.times.saturating_add(1));
+fn note_trouble(troubles: &mut HashMap<Name, Trouble>, seat: &Name, now: Instant) {
+    let before = troubles.get(seat);
+    let times = before.map_or(0, |trouble| trouble.times.saturating_add(1));
     // The first time they may just have come back at once.
     let pause = match times {
         0 => Duration::ZERO,
         _ => (AGAIN * 2u32.saturating_pow(times - 1)).min(AGAIN_MOST),
     };
     let trouble = Trouble {
-        avatar,
         times,
-        again: Instant::now() + pause,
+        last: now,
+        again: now + pause,
     };
     troubles.insert(seat.clone(), trouble);
 }
 
 impl Seats {
-    /// What a newcomer in the seat of this number is called: as they say, unless another one is called so.
+    /// What a newcomer in the seat of this number is called: as they say, unless that looks like what another one is called, or may be called.
     fn name(&self, taken: &Taken, number: usize) -> String {
         let seat = format!("person {}", number + 1);
-        match &taken.person {
-            Some(name) => {
-                let name = name.to_string();
-                if self.known.values().any(|other| other.name == name) {
-                    format!("{name} ({seat})")
-                } else {
-                    name
-                }
-            }
-            None => seat,
+        let Some(name) = &taken.person else {
+            return seat;
+        };
+        let seen = name.as_seen();
+        let names = self
+            .known
+            .values()
+            .filter_map(|other| other.taken.person.as_ref());
+        let is_taken = names.map(PersonName::as_seen).any(|other| other == seen);
+        if is_taken || seen.contains("person") {
+            format!("{name} ({seat})")
+        } else {
+            name.to_string()
         }
     }
 }
@@ -466,23 +556,60 @@ mod tests {
     fn who_cannot_be_shown_is_tried_again_ever_more_rarely() {
         let mut troubles = HashMap::new();
         let seat = Name::of_id([1; 16]);
-        let avatar = |byte: char| -> PackageId {
-            let hash: String = std::iter::repeat_n(byte, 64).collect();
-            hash.parse().expect("a hash")
-        };
-        let mut pauses = Vec::new();
-        for _ in 0..7 {
-            note_trouble(&mut troubles, &seat, avatar('a'));
-            let again = troubles[&seat].again;
-            pauses.push(
-                again
-                    .saturating_duration_since(Instant::now())
-                    .as_secs_f64()
-                    .round(),
-            );
+        let begun = Instant::now();
+        let pauses: Vec<u64> = (0..7)
+            .map(|_| {
+                note_trouble(&mut troubles, &seat, begun);
+                troubles[&seat].again.duration_since(begun).as_secs()
+            })
+            .collect();
+        assert_eq!(pauses, [0, 3, 6, 12, 24, 48, 60]);
+        let other = Name::of_id([2; 16]);
+        note_trouble(&mut troubles, &other, begun);
+        assert_eq!(troubles[&other].times, 0, "of each seat by itself");
+    }
+
+    #[test]
+    fn nobody_is_called_as_another_one_is_or_may_be() {
+        let taken = |name: Option<&str>| {
+            Taken {
+            announcement: serde_json::from_str(
+                r#"{"avatar": {"sha256": "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad", "bytes": 3},
+                "channel": "unreliable", "codec": "compact", "rate_hz": 30.0}"#,
+            )
+            .expect("an announcement"),
+            person: name.map(|name| name.parse().expect("a name")),
         }
-        assert_eq!(pauses, [0.0, 3.0, 6.0, 12.0, 24.0, 48.0, 60.0]);
-        note_trouble(&mut troubles, &seat, avatar('b'));
-        assert_eq!(troubles[&seat].times, 0, "another avatar begins anew");
+        };
+        let mut seats = Seats::default();
+        let mut call = |number: u8, name: Option<&str>| {
+            let taken = taken(name);
+            let name = seats.name(&taken, usize::from(number));
+            let known = Known {
+                name: name.clone(),
+                taken,
+                watch: CallWatch::default(),
+                joined: None,
+                is_introduced: false,
+                state: (PersonState::default(), None),
+                heard: (Instant::now(), 0),
+                is_seated: true,
+                over: None,
+            };
+            seats.known.insert(Name::of_id([number; 16]), known);
+            name
+        };
+        let names = [
+            (None, "person 1"),
+            (Some("Ada"), "Ada"),
+            (Some("ADA"), "ADA (person 3)"),
+            (Some("Person 1"), "Person 1 (person 4)"),
+            (Some("Ada (person 2)"), "Ada (person 2) (person 5)"),
+            (Some("李白"), "李白"),
+            (Some("李\u{fe00}白"), "李\u{fe00}白 (person 7)"),
+        ];
+        for (number, (name, called)) in (0..).zip(names) {
+            assert_eq!(call(number, name), called);
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Starting and stopping.
 
 use crate::connections::Gate;
-use crate::http::{App, Cached, MemberUploads, RateLimit, router};
+use crate::http::{App, Cached, RateLimit, router};
 use crate::ice::Ice;
 use crate::metrics::Metrics;
 use crate::packages::Packages;
@@ -88,7 +88,7 @@ impl Server {
             relay,
             ice,
             packages,
-            member_uploads: MemberUploads::default(),
+            member_uploads: Arc::default(),
             metrics,
             rate: RateLimit::new(limits.requests_per_second, limits.request_burst),
             health: Cached::default(),

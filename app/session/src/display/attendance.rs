@@ -10,6 +10,7 @@ use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::{FinishedPerson, Lanes, PausableSource};
 use app_pipeline::placement::{InferenceBackends, Placed, PlacementReport, place_like};
 use app_pipeline::pool::in_own_pool;
+use link_protocol::limits::MAX_PEOPLE;
 use link_voice::VoiceQueue;
 use renderer_splat::error::RenderError;
 use renderer_splat::options::RendererOptions;
@@ -24,6 +25,13 @@ const LOOK: Duration = Duration::from_millis(50);
 
 /// Gaussians that all people of a call may have together: what others bring must not take the device's memory.
 const MOST_GAUSSIANS: u32 = 2_000_000;
+
+/// Gaussians that each of them may have, so that there is room for everyone whoever came first: an avatar of 100,000 to 200,000 fits.
+const MOST_EACH: u32 = 250_000;
+const _: () = assert!(
+    MOST_EACH as usize * MAX_PEOPLE <= MOST_GAUSSIANS as usize,
+    "there is room for everyone"
+);
 
 /// Reports that are kept of people who left before the end, the newest: people may come and go without end.
 const MOST_REPORTS: usize = 16;
@@ -91,6 +99,16 @@ impl Doorway<'_> {
             && watch.is_over()
         {
             // They have left while others were made ready.
+            return;
+        }
+        let count = u32::try_from(newcomer.avatar.gaussians.len()).unwrap_or(u32::MAX);
+        if count > MOST_EACH {
+            log::warn!(
+                "a person cannot be shown: their avatar has {count} Gaussians, and each of a call may have {MOST_EACH}"
+            );
+            if let Origin::Room { watch, .. } = &newcomer.origin {
+                watch.leave();
+            }
             return;
         }
         let source = newcomer.join(self.control);

@@ -20,6 +20,14 @@ struct State {
     over: bool,
 }
 
+struct CloseAtEnd(WearerSlot);
+
+impl Drop for CloseAtEnd {
+    fn drop(&mut self) {
+        self.0.close();
+    }
+}
+
 /// What a [`WearerSlot`] has.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[expect(
@@ -46,6 +54,12 @@ impl WearerSlot {
     pub fn close(&self) {
         self.lock().over = true;
         self.0.changed.notify_all();
+    }
+
+    /// Says so when it is dropped, also by a panic of who fills the slot.
+    #[must_use]
+    pub fn close_at_end(&self) -> impl Drop + use<> {
+        CloseAtEnd(self.clone())
     }
 
     /// Takes what is there, or waits for it no longer than `longest`.

@@ -1,6 +1,6 @@
 //! Calls between homes: a server with a relay, senders and viewers, all of them real processes.
 
-use super::{Home, Internet, Namespace, SERVER};
+use super::{Home, Internet, Namespace, OTHER_SERVER, SERVER};
 use crate::program::{Program, through_runner};
 use serde_json::Value;
 use std::cell::Cell;
@@ -161,7 +161,13 @@ impl CallWorld {
     pub fn doctor(&self, home: &Home) -> (Value, String) {
         let other = self.folder.path().join("other");
         let mut serve = mon3tr_command(&self.mon3tr, self.folder.path());
-        serve.args(["serve", "--listen", "127.0.0.1:0", "--turn", "0.0.0.0:3479"]);
+        serve.args([
+            "serve",
+            "--listen",
+            "127.0.0.1:0",
+            "--turn",
+            &format!("{OTHER_SERVER}:3479"),
+        ]);
         serve.arg("--data").arg(other);
         let mut other = Program::start(&mut self.internet.server().enter(&serve));
         other.says("serving on http://", 1);
@@ -173,7 +179,7 @@ impl CallWorld {
                 token.expect("the server has left it there").trim(),
             ])
             .args(["--server", &format!("http://{SERVER}:8080")])
-            .args(["--stun", &format!("{SERVER}:3479")]);
+            .args(["--stun", &format!("{OTHER_SERVER}:3479")]);
         let output = home.machine().enter(&command).output();
         let output = output.expect("it can be started");
         let said = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -237,6 +243,7 @@ fn mon3tr_command(mon3tr: &Path, folder: &Path) -> Command {
 fn as_mon3tr(command: &mut Command, cache: &Path) {
     command
         .env("MON3TR_CACHE", cache)
+        .env("MON3TR_KEY", cache.join("key"))
         .env("PULSE_SERVER", "unix:/no-sound-server")
         .env("RUST_LOG", "link=info")
         .env_remove("MON3TR_OWNER_TOKEN");

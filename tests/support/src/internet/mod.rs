@@ -19,6 +19,9 @@ use std::process::{Command, Stdio};
 /// The server's address. The network is one of those reserved for documentation (RFC 5737).
 pub const SERVER: Ipv4Addr = Ipv4Addr::new(203, 0, 113, 1);
 
+/// Another address of the same machine: who tells destinations apart by address takes it for another one.
+pub const OTHER_SERVER: Ipv4Addr = Ipv4Addr::new(203, 0, 113, 2);
+
 /// Number of the first home, and homes at most: the other half of the network is for moves.
 const FIRST_HOME: u8 = 10;
 const HOMES: u8 = 100;
@@ -69,6 +72,7 @@ impl Internet {
             "link set lo up".to_owned(),
             "link add internet type bridge".to_owned(),
             format!("address add {SERVER}/24 dev internet"),
+            format!("address add {OTHER_SERVER}/24 dev internet"),
             "link set internet up".to_owned(),
         ])?;
         let mut internet = Self { server, homes: 0 };

@@ -93,8 +93,8 @@ impl Report {
         );
         let own: Vec<String> = own.iter().map(ToString::to_string).collect();
         println!("here      {}", own.join(", "));
-        for (url, seen) in seen {
-            println!("seen      as {seen} by {url}");
+        for one in seen {
+            println!("seen      as {} by {}", one.seen, one.url);
         }
         for url in silent {
             println!("silent    {url} does not answer over UDP");
@@ -115,7 +115,9 @@ fn told(between: Between) -> &'static str {
         Between::Nothing => "no NAT: this machine's own address is seen",
         Between::Cone => "a NAT that gives one address for all destinations",
         Between::Symmetric => "a NAT that gives another address for each destination",
-        Between::SomeNat => "a NAT; a second STUN server (--stun) would tell of which kind",
+        Between::SomeNat => {
+            "a NAT; a STUN server at another address (--stun) would tell of which kind"
+        }
         Between::NoUdp => "something that lets no UDP through, or no STUN server answers",
     }
 }

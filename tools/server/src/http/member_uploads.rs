@@ -4,7 +4,7 @@ use super::HttpError;
 use crate::Id;
 use crate::token::Claims;
 use std::collections::HashMap;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Packages of one call: three for each of eight people, who may come back with another avatar.
 const PER_CALL: u32 = 24;
@@ -30,11 +30,15 @@ struct Count {
 }
 
 impl MemberUploads {
-    /// Counts one upload of a member's.
+    /// Counts one upload of a member's, until it turns out that nothing is stored.
     ///
     /// # Errors
     /// If the call has had all of its own.
-    pub(super) fn begin(&self, claims: &Claims, now: u64) -> Result<(), HttpError> {
+    pub(super) fn begin(
+        self: &Arc<Self>,
+        claims: &Claims,
+        now: u64,
+    ) -> Result<MemberUpload, HttpError> {
         let mut calls = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if calls.len() >= CALLS {
             calls.retain(|_, count| count.expires > now);
@@ -52,13 +56,36 @@ impl MemberUploads {
         }
         count.put += 1;
         count.tried += 1;
-        Ok(())
+        Ok(MemberUpload {
+            uploads: Arc::clone(self),
+            call: claims.room(),
+            is_stored: false,
+        })
     }
+}
 
-    /// An upload that was begun is not stored.
-    pub(super) fn failed(&self, claims: &Claims) {
-        let mut calls = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(count) = calls.get_mut(&claims.room()) {
+/// An upload of a member's. Dropped before it is stored, also where the client went away, it leaves room for another.
+#[derive(Debug)]
+pub(super) struct MemberUpload {
+    uploads: Arc<MemberUploads>,
+    call: Id,
+    is_stored: bool,
+}
+
+impl MemberUpload {
+    /// It stays counted.
+    pub(super) fn stored(mut self) {
+        self.is_stored = true;
+    }
+}
+
+impl Drop for MemberUpload {
+    fn drop(&mut self) {
+        if self.is_stored {
+            return;
+        }
+        let mut calls = (self.uploads.0.lock()).unwrap_or_else(PoisonError::into_inner);
+        if let Some(count) = calls.get_mut(&self.call) {
             count.put = count.put.saturating_sub(1);
         }
     }
@@ -71,7 +98,7 @@ mod tests {
 
     #[test]
     fn a_call_puts_so_many_packages_and_a_full_table_forgets_calls_that_are_over() {
-        let uploads = MemberUploads::default();
+        let uploads = Arc::<MemberUploads>::default();
         let owner = Id::of_owner("ada");
         let member = |number: u64, expires| {
             let mut call = [0; 16];
@@ -80,19 +107,18 @@ mod tests {
         };
         let first = member(0, 100);
         for _ in 0..PER_CALL {
-            uploads.begin(&first, 0).expect("one of its own");
+            uploads.begin(&first, 0).expect("one of its own").stored();
         }
         assert!(uploads.begin(&first, 0).is_err(), "one too many");
-        for _ in PER_CALL..TRIES_PER_CALL {
-            uploads.failed(&first);
-            uploads.begin(&first, 0).expect("in place of a failed one");
+        let other = member(CALLS as u64 + 1, 50);
+        for _ in 0..TRIES_PER_CALL {
+            // Each ends before it is stored, and leaves room.
+            drop(uploads.begin(&other, 0).expect("in place of a failed one"));
         }
-        uploads.failed(&first);
-        assert!(uploads.begin(&first, 0).is_err(), "too many were tried");
-        for number in 1..CALLS as u64 {
-            uploads
-                .begin(&member(number, 50), 0)
-                .expect("another call's");
+        assert!(uploads.begin(&other, 0).is_err(), "too many were tried");
+        for number in 1..CALLS as u64 - 1 {
+            let begun = uploads.begin(&member(number, 50), 0);
+            begun.expect("another call's").stored();
         }
         let late = member(CALLS as u64, 200);
         assert!(uploads.begin(&late, 49).is_err(), "the table is full");

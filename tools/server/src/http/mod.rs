@@ -24,7 +24,7 @@ use axum::routing::{get, post, put};
 use error::HttpError;
 pub(crate) use health::Cached;
 use link_protocol::limits::MAX_JSON_BYTES;
-pub(crate) use member_uploads::MemberUploads;
+use member_uploads::MemberUploads;
 pub(crate) use rate_limit::RateLimit;
 use std::sync::Arc;
 use std::time::Duration;
@@ -40,7 +40,7 @@ pub(crate) struct App {
     pub(crate) relay: Option<Relay>,
     pub(crate) ice: Ice,
     pub(crate) packages: Packages,
-    pub(crate) member_uploads: MemberUploads,
+    pub(crate) member_uploads: Arc<MemberUploads>,
     pub(crate) metrics: Arc<Metrics>,
     pub(crate) rate: RateLimit,
     pub(crate) health: Cached,

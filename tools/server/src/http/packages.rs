@@ -1,6 +1,7 @@
 //! Putting, reading and removing packages.
 
 use super::guard::discard;
+use super::member_uploads::MemberUpload;
 use super::{App, HttpError};
 use crate::packages::{ByteRange, Conditions, UploadError};
 use crate::token::{Claims, Role, now};
@@ -22,8 +23,8 @@ pub(super) async fn store(
     Path(hash): Path<String>,
     request: Request,
 ) -> Result<StatusCode, HttpError> {
-    let hash = match may_put(&app, &claims, &hash).await {
-        Ok(MayPut::Package(hash)) => hash,
+    let (hash, counted) = match may_put(&app, &claims, &hash).await {
+        Ok(MayPut::Package(hash, counted)) => (hash, counted),
         Ok(MayPut::IsThere) => {
             discard(request.into_body());
             return Ok(StatusCode::OK);
@@ -47,7 +48,13 @@ pub(super) async fn store(
     let stored = match received {
         // Once it is whole it is stored, even if the client does not wait for it.
         Ok(upload) => {
-            let keep = async move { app_again.packages.keep(claims.owner, upload).await };
+            let keep = async move {
+                let stored = app_again.packages.keep(claims.owner, upload).await;
+                if let (Ok(_), Some(counted)) = (&stored, counted) {
+                    counted.stored();
+                }
+                stored
+            };
             match tokio::spawn(keep).await {
                 Ok(stored) => stored,
                 Err(e) => Err(UploadError::Spool(std::io::Error::other(e))),
@@ -66,9 +73,6 @@ pub(super) async fn store(
         // Two members put the same one at the same moment.
         Ok(false) => Ok(StatusCode::OK),
         Err(e) => {
-            if claims.role == Role::Member {
-                app.member_uploads.failed(&claims);
-            }
             app.metrics.upload_refused(e.reason());
             Err(logged(e).into())
         }
@@ -77,7 +81,8 @@ pub(super) async fn store(
 
 /// What the bearer may do with a package.
 enum MayPut {
-    Package(PackageId),
+    /// This one; a member's is counted.
+    Package(PackageId, Option<MemberUpload>),
     /// Nothing: the owner has it.
     IsThere,
 }
@@ -85,18 +90,21 @@ enum MayPut {
 /// An owner may put any package, a call's member so many that the owner does not have yet.
 async fn may_put(app: &App, claims: &Claims, hash: &str) -> Result<MayPut, HttpError> {
     let hash = hash.parse().map_err(|_| HttpError::NotFound)?;
-    match claims.role {
-        Role::Owner => Ok(MayPut::Package(hash)),
-        Role::Member => {
-            let size = app.packages.size(claims.owner, hash);
-            if in_time(size).await?.is_some() {
-                return Ok(MayPut::IsThere);
-            }
-            app.member_uploads.begin(claims, now())?;
-            Ok(MayPut::Package(hash))
-        }
-        Role::Sender | Role::Viewer => Err(HttpError::NotFound),
+    if !matches!(claims.role, Role::Owner | Role::Member) {
+        return Err(HttpError::NotFound);
     }
+    // What was checked once is neither received nor checked again.
+    if in_time(app.packages.size(claims.owner, hash))
+        .await?
+        .is_some()
+    {
+        return Ok(MayPut::IsThere);
+    }
+    let counted = match claims.role {
+        Role::Member => Some(app.member_uploads.begin(claims, now())?),
+        _ => None,
+    };
+    Ok(MayPut::Package(hash, counted))
 }
 
 /// What the operator has to know of a refused upload goes to the log.

@@ -126,11 +126,14 @@ impl BodyTracking {
             return Ok(None);
         }
         if self.t_pose_of != Some(locations.skeleton_changed_count) {
-            self.t_pose_of = Some(locations.skeleton_changed_count);
-            self.t_pose = self.skeleton(fp).unwrap_or_else(|why| {
-                log::info!("without the body's T-pose: {why}");
-                [None; BODY_JOINTS]
-            });
+            // One that the runtime does not have yet is asked for again with the next frame.
+            match self.skeleton(fp) {
+                Ok(t_pose) => {
+                    self.t_pose = t_pose;
+                    self.t_pose_of = Some(locations.skeleton_changed_count);
+                }
+                Err(why) => log::debug!("without the body's T-pose so far: {why}"),
+            }
         }
         let mut joints = [None; BODY_JOINTS];
         for (joint, located) in joints.iter_mut().zip(located).take(self.joints) {

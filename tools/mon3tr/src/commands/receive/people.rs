@@ -92,7 +92,9 @@ pub(crate) fn gather(
                 None => return Ok(None),
             },
         };
-        let Some((path, download)) = fetch(network, client, room, &announced, stop)? else {
+        let Some((path, download)) =
+            fetch(network, client, room, &announced, &|| stop.load(Relaxed))?
+        else {
             return Ok(None);
         };
         let (avatar, figures) = load_avatar(&path)?;
@@ -133,7 +135,7 @@ pub(crate) fn fetch(
     client: &Client,
     room: &RoomLink,
     announced: &Announcement,
-    stop: &AtomicBool,
+    is_over: &(dyn Fn() -> bool + Sync),
 ) -> anyhow::Result<Option<(PathBuf, Download)>> {
     let begun = Instant::now();
     let packages = PackageCache::new(cache()?.join("packages"))?;
@@ -146,7 +148,7 @@ pub(crate) fn fetch(
     let fetched = network.block_on(async {
         tokio::select! {
             path = fetching => Some(path),
-            () = set(stop) => None,
+            () = over(is_over) => None,
         }
     });
     bar.finish();
@@ -158,9 +160,9 @@ pub(crate) fn fetch(
     Ok(Some((path, Download { bytes, seconds })))
 }
 
-/// Waits until `flag` is set.
-async fn set(flag: &AtomicBool) {
-    while !flag.load(Relaxed) {
+/// Waits until it is over.
+async fn over(is_over: &(dyn Fn() -> bool + Sync)) {
+    while !is_over() {
         tokio::time::sleep(LOOK).await;
     }
 }
