@@ -131,10 +131,16 @@ class Call:
         self.channel.on("open", opened.set)
         await peer.setLocalDescription(await peer.createOffer())
         path, offer = self.link.room_path("/whep"), peer.localDescription.sdp
+        theirs = wire.fingerprints(offer)
+        offer = self.link.proved(offer, "viewer", [self.link.room, theirs])
         status, headers, body = await asyncio.to_thread(self.link.ask, "POST", path, offer, "application/sdp")
         if status != 201:
             raise RuntimeError(f"the server says {status} to our offer: {body.decode(errors='replace')}")
-        await peer.setRemoteDescription(RTCSessionDescription(body.decode(), "answer"))
+        answer = body.decode()
+        about = [self.link.room, announcement["avatar"]["sha256"], wire.fingerprints(answer), theirs]
+        if not self.link.is_proved(answer, "sender", about):
+            raise RuntimeError("the sender does not have the link")
+        await peer.setRemoteDescription(RTCSessionDescription(answer, "answer"))
         await opened.wait()
         return announcement, headers["Location"]
 

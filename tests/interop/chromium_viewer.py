@@ -109,6 +109,7 @@ def main():
         "base": f"{'https' if link.tls else 'http'}://{link.host}{link.base}",
         "room": link.room,
         "token": link.token,
+        "secret": None if link.secret is None else list(link.secret),
         "frames": options.frames,
         "timeout": options.timeout,
     }

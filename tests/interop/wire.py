@@ -3,6 +3,8 @@
 Links and requests of a room, messages of the data channel, `paper` frames with LZ4 in plain Python. No `compact` frames.
 """
 
+import base64
+import hmac
 import http.client
 import json
 import struct
@@ -32,8 +34,14 @@ def now_us():
     return time.monotonic_ns() // 1000
 
 
+def fingerprints(sdp):
+    """The fingerprints in an offer or answer, as the proofs about them have them."""
+    head = "a=fingerprint:"
+    return ",".join(sorted({line[len(head):].strip().lower() for line in sdp.splitlines() if line.startswith(head)}))
+
+
 class Link:
-    """`http://HOST:PORT/rooms/ROOM#TOKEN`."""
+    """`http://HOST:PORT/rooms/ROOM#TOKEN[:secret=SECRET][:key=KEY]`."""
 
     def __init__(self, text):
         parts = urllib.parse.urlsplit(text)
@@ -41,7 +49,29 @@ class Link:
         if parts.scheme not in ("http", "https") or not parts.netloc or not found or not room or not parts.fragment:
             raise ValueError("this is not a link: it should read http://HOST:PORT/rooms/ROOM#TOKEN")
         self.tls, self.host, self.base = parts.scheme == "https", parts.netloc, before
-        self.room, self.token = room.strip("/"), parts.fragment
+        self.room, (self.token, *rest) = room.strip("/"), parts.fragment.split(":")
+        named = dict(part.split("=", 1) for part in rest if "=" in part)
+        self.secret = base64.urlsafe_b64decode(named["secret"] + "==") if "secret" in named else None
+
+    def proved(self, sdp, who, lines):
+        """`sdp` with the line that shows that `who` ("viewer" or "sender") has the link; `lines` are what the MAC is of."""
+        if self.secret is None:
+            return sdp
+        mac = self.mac(who, lines)
+        before, medium, rest = sdp.partition("\nm=")
+        return f"{before}\na=mon3tr-link:{mac}\r{medium}{rest}"
+
+    def is_proved(self, sdp, who, lines):
+        """Whether `who` wrote `sdp` and has the link."""
+        if self.secret is None:
+            return True
+        macs = [line[len("a=mon3tr-link:"):].strip() for line in sdp.splitlines() if line.startswith("a=mon3tr-link:")]
+        return len(macs) == 1 and hmac.compare_digest(macs[0], self.mac(who, lines))
+
+    def mac(self, who, lines):
+        key = hmac.digest(self.secret, f"mon3tr {who} 1\nlink".encode(), "sha256")
+        mac = hmac.digest(key, "\n".join(lines).encode(), "sha256")
+        return base64.urlsafe_b64encode(mac).decode().rstrip("=")
 
     def open(self, method, path, body=None, content_type=None, timeout=15):
         """Sends one request to a path below the server's address; gives the connection and the answer's head."""

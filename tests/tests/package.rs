@@ -1,9 +1,10 @@
 //! Avatar packages: what is saved is what is loaded.
 
 use glam::Vec3;
+use identity::Identity;
 use spmm3::package::Manifest;
 use spmm3::{Avatar, ExpressionBasis, Importance, MotionParams, PARAMS, PackageError, PoseRange};
-use std::io::Cursor;
+use std::io::{Cursor, Read, Write};
 use synthetic_person::Puppet;
 
 fn avatar() -> Avatar {
@@ -139,4 +140,89 @@ fn an_avatars_expression_basis_is_kept_whatever_its_name() {
         let loaded = Avatar::read(Cursor::new(bytes)).expect("the puppet loads");
         assert_eq!(loaded.expression_basis, avatar.expression_basis, "{name}");
     }
+}
+
+/// The package with what `change` makes of its members, each told with its name; without those of which it makes nothing.
+fn repacked(bytes: &[u8], change: impl Fn(&str, Vec<u8>) -> Option<Vec<u8>>) -> Vec<u8> {
+    let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).expect("a zip");
+    let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
+    for index in 0..archive.len() {
+        let mut member = archive.by_index(index).expect("a member");
+        let name = String::from_utf8_lossy(member.name_raw()).into_owned();
+        let mut contents = Vec::new();
+        member.read_to_end(&mut contents).expect("it unpacks");
+        if let Some(contents) = change(&name, contents) {
+            let options = zip::write::SimpleFileOptions::default();
+            zip.start_file(name, options).expect("a member");
+            zip.write_all(&contents).expect("written");
+        }
+    }
+    zip.finish().expect("a zip").into_inner()
+}
+
+#[test]
+fn a_signed_package_tells_its_owner_and_nobody_else_can_sign_for_them() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("puppet.m3a");
+    let [owner, other] = [1, 2].map(|seed| Identity::from_seed(&[seed; 32]).expect("a key"));
+    avatar().save_signed(&path, &owner).expect("it saves");
+    let signed = std::fs::read(&path).expect("the package");
+    let read = |bytes: &[u8]| Avatar::read(Cursor::new(bytes.to_vec()));
+    let loaded = read(&signed).expect("it loads");
+    assert_eq!(loaded.signer, Some(owner.public()));
+    let same = Avatar {
+        signer: None,
+        ..loaded.clone()
+    };
+    assert!(same == avatar(), "nothing else has changed");
+    let manifest = Manifest::load(&path).expect("the manifest");
+    assert_eq!(
+        (manifest.signer, manifest.version),
+        (Some(owner.public()), 3)
+    );
+    // As it is, it is read; with anything of it changed, it is not.
+    assert!(read(&repacked(&signed, |_, bytes| Some(bytes))).is_ok());
+    let renamed = repacked(&signed, |name, bytes| {
+        let text = String::from_utf8_lossy(&bytes).replace(&avatar().name, "Eve");
+        Some(if name == "manifest.json" {
+            text.into_bytes()
+        } else {
+            bytes
+        })
+    });
+    let others_key = repacked(&signed, |name, bytes| {
+        let text = String::from_utf8_lossy(&bytes)
+            .replace(&owner.public().to_string(), &other.public().to_string());
+        Some(if name == "signature.txt" {
+            text.into_bytes()
+        } else {
+            bytes
+        })
+    });
+    let garbled = repacked(&signed, |name, bytes| {
+        Some(if name == "signature.txt" {
+            b"nobody".to_vec()
+        } else {
+            bytes
+        })
+    });
+    let stripped = repacked(&signed, |name, bytes| {
+        (name != "signature.txt").then_some(bytes)
+    });
+    for (what, bytes) in [
+        ("another name", renamed),
+        ("another key", others_key),
+        ("no signature", garbled),
+        ("none at all", stripped),
+    ] {
+        let refused = read(&bytes).expect_err(what);
+        assert!(
+            matches!(&refused, PackageError::Member { member, .. } if member == "signature.txt"),
+            "{what}: {refused}"
+        );
+    }
+    // Whoever takes it for their own signs the same contents: then it is theirs, and no longer the owner's.
+    loaded.save_signed(&path, &other).expect("it saves");
+    let taken = Avatar::load(&path).expect("it loads");
+    assert_eq!(taken.signer, Some(other.public()));
 }

@@ -8,12 +8,12 @@ use crate::presence::Seated;
 use app_pipeline::control::Control;
 use app_pipeline::lanes::{MotionSource, PausableSource, Pose, Visibility};
 use app_pipeline::timeline::DisplayLag;
-use link_call::Viewer;
+use link_call::{Authentication, Credentials, Viewer};
 use link_http::Client;
 use link_playout::Clock;
 use link_protocol::{Announcement, RoomLink};
 use link_voice::VoiceQueue;
-use spmm3::{Avatar, MotionParams, Skeleton};
+use spmm3::{Avatar, MotionParams};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::runtime::Handle;
@@ -69,6 +69,8 @@ pub struct NetworkContext {
     pub network: Handle,
     /// Asks servers.
     pub client: Client,
+    /// One's own key, which senders are shown.
+    pub own: Option<Credentials>,
     /// The clock of frames' times.
     pub clock: Clock,
 }
@@ -85,23 +87,41 @@ pub struct CallReport {
 }
 
 impl NetworkContext {
-    /// Joins the room as a viewer of its sender, who announced this and has this skeleton. What is said goes to `voice`, what is counted
-    /// to `watch`.
+    /// Joins the room as a viewer of its sender, who announced this, and drives this avatar if its signer lets them. What is said goes to `voice`,
+    /// what is counted to `watch`.
     #[must_use]
     pub fn join(
         &self,
         link: &RoomLink,
         announced: Announcement,
-        skeleton: &Skeleton,
+        avatar: &Avatar,
         voice: VoiceQueue,
         watch: CallWatch,
     ) -> Call {
         let viewer = {
             // Its tasks run on the network's threads.
             let _network = self.network.enter();
-            Viewer::join(self.client.clone(), link.clone(), self.clock, voice.clone())
+            let authentication = Authentication {
+                own: self.own.clone(),
+                signer: avatar.signer,
+            };
+            let client = self.client.clone();
+            Viewer::join(
+                client,
+                link.clone(),
+                authentication,
+                self.clock,
+                voice.clone(),
+            )
         };
-        Call::new(viewer, announced, skeleton, self.clock, voice, watch)
+        Call::new(
+            viewer,
+            announced,
+            &avatar.skeleton,
+            self.clock,
+            voice,
+            watch,
+        )
     }
 }
 
@@ -219,7 +239,7 @@ impl Participant {
                 call: Box::new(network.join(
                     link,
                     *announced,
-                    skeleton,
+                    &self.avatar,
                     voice.clone(),
                     watch.clone(),
                 )),

@@ -1,6 +1,7 @@
 //! The errors of a call.
 
 use crate::plan::Relay;
+use identity::IdentityError;
 use link_http::HttpError;
 use link_protocol::ProtocolError;
 use link_protocol::limits::MAX_PEOPLE;
@@ -30,6 +31,50 @@ pub enum CallError {
     /// The sender is not in its room.
     #[error("the sender is not in the room now")]
     SenderAbsent,
+    /// The sender does not take this viewer.
+    #[error(
+        "the sender takes only those who have its whole link: was something at its end left out?"
+    )]
+    Refused,
+    /// The other side does not prove that it has the link.
+    #[error(
+        "the other side does not prove that it has the link: the server or someone on the way is in its place, its link was cut short, or its program is too old"
+    )]
+    NoLink,
+    /// The sender does not prove who it is, though the link tells its key or its avatar is signed.
+    #[error(
+        "the sender does not prove that it is who it should be: either its program is too old, or the server or someone on the way is in its place"
+    )]
+    NoKey,
+    /// Another key than the link tells.
+    #[error(
+        "the sender has another key ({found}) than the link tells: someone else is in its place, or it has a new key and this link is old"
+    )]
+    WrongKey {
+        /// The fingerprint of the sender's key.
+        found: String,
+    },
+    /// An avatar that is neither the driver's own nor permitted to them.
+    #[error(
+        "the avatar belongs to the key {owner}, which does not let the key {driver} drive it{}: its owner can, with `mon3tr keys allow`",
+        why.as_ref().map(|why| format!(" ({why})")).unwrap_or_default()
+    )]
+    NotTheirAvatar {
+        /// The fingerprint of the avatar's signer.
+        owner: String,
+        /// The fingerprint of the sender's key.
+        driver: String,
+        /// Why a permit of the owner's does not hold.
+        why: Option<IdentityError>,
+    },
+    /// A key, a signature or a permit is wrong.
+    #[error(
+        "who the other side is cannot be told: {0}; someone on the way may have changed what it sent"
+    )]
+    Identity(#[from] IdentityError),
+    /// An offer or answer names no certificate.
+    #[error("an offer or answer has no fingerprint of a certificate, or too many")]
+    NoFingerprint,
     /// All seats of the call are taken.
     #[error("the call is full: it has {MAX_PEOPLE} seats, and all are taken")]
     Full,
@@ -54,10 +99,19 @@ fn no_way(relay: Option<&Relay>) -> String {
 }
 
 impl CallError {
-    /// Whether trying again later cannot help, because the link itself is wrong.
+    /// Whether trying again later cannot help, because the link itself is wrong, or the other side is not who it should be.
     #[must_use]
     pub fn is_final(&self) -> bool {
-        matches!(self, Self::Http(error) if error.is_final())
+        match self {
+            Self::Http(error) => error.is_final(),
+            Self::Refused
+            | Self::NoLink
+            | Self::NoKey
+            | Self::WrongKey { .. }
+            | Self::NotTheirAvatar { .. }
+            | Self::Identity(_) => true,
+            _ => false,
+        }
     }
 
     /// Whether the room or package does not exist for this token.

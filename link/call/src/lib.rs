@@ -5,7 +5,7 @@
 //! A program that joins a room and prints the frames:
 //!
 //! ```no_run
-//! use link_call::{CallEvent, Viewer};
+//! use link_call::{Authentication, CallEvent, Viewer};
 //! use link_http::Client;
 //! use link_playout::Clock;
 //! use link_protocol::RoomLink;
@@ -16,7 +16,9 @@
 //! let room: RoomLink = std::env::args().nth(1).ok_or("usage: PROGRAM LINK")?.parse()?;
 //! let runtime = tokio::runtime::Runtime::new()?;
 //! let _entered = runtime.enter();
-//! let viewer = Viewer::join(Client::new(None)?, room, Clock::start(), VoiceQueue::default());
+//! let client = Client::new(None)?;
+//! let viewer =
+//!     Viewer::join(client, room, Authentication::default(), Clock::start(), VoiceQueue::default());
 //! // After the last event there is none: the loop ends with the call.
 //! while let Ok(event) = viewer.next(Duration::MAX) {
 //!     match event {
@@ -35,8 +37,11 @@
 //! ```
 
 mod addresses;
+mod admission;
+mod candidates;
 mod error;
 pub mod forward;
+mod introduction;
 mod losses;
 mod nudge;
 pub mod path;
@@ -53,6 +58,7 @@ pub mod viewer;
 mod voice_track;
 
 pub use error::CallError;
+pub use introduction::{Authentication, Credentials};
 pub use path::Path;
 pub use plan::{Relay, RelayTransport};
 pub use privacy::Privacy;

@@ -5,7 +5,7 @@ use crate::nudge::Nudge;
 use crate::path::{CandidateKind, Path, PathEnd};
 use crate::plan::{Plan, Relay};
 use crate::voice_track::{self, OutgoingVoice, VoicePacket};
-use crate::{CallError, is_set};
+use crate::{CallError, candidates, is_set};
 use bytes::{Bytes, BytesMut};
 use link_protocol::announcement::ChannelMode;
 use link_protocol::data_channel::{Channel, FEEDBACK_CHANNEL, MOTION_CHANNEL, SUBPROTOCOL};
@@ -94,6 +94,8 @@ pub(crate) struct Peer {
     gathered: watch::Receiver<Gathered>,
     /// The relay among its servers.
     relay: Option<Relay>,
+    /// Whether it is bound to the machine's loopback.
+    is_local: bool,
     /// While packets may go by it.
     nudge: Option<Nudge>,
 }
@@ -178,6 +180,8 @@ impl Peer {
         mode: ChannelMode,
         offer: String,
     ) -> Result<(Self, String), CallError> {
+        let is_local = candidates::are_loopback(&plan.local);
+        let offer = candidates::screened(&offer, is_local);
         let mdns = mdns_for(&offer);
         let mut peer = Self::new(plan, mode, MOTION_CHANNEL, FEEDBACK_CHANNEL, mdns).await?;
         let voice = voice_track::asked_for(&offer);
@@ -196,6 +200,7 @@ impl Peer {
 
     /// Takes the other side's answer to this side's offer.
     pub(crate) async fn accept(&self, answer: String) -> Result<(), CallError> {
+        let answer = candidates::screened(&answer, self.is_local);
         let answer = RTCSessionDescription::answer(answer)?;
         Ok(self.connection.set_remote_description(answer).await?)
     }
@@ -220,6 +225,7 @@ impl Peer {
             // server, the viewer is both.
             .with_answering_dtls_role(RTCDtlsRole::Server)
             .build();
+        let is_local = candidates::are_loopback(&plan.local);
         let (fail, failed) = watch::channel(false);
         let (gather, gathered) = watch::channel(Gathered::default());
         let servers: Vec<RTCIceServer> = plan
@@ -261,6 +267,7 @@ impl Peer {
             gathered,
             nudge,
             relay: plan.relay,
+            is_local,
         })
     }
 

@@ -2,6 +2,8 @@
 //!
 //! Each viewer has a task, a connection and an encoder of its own, so that a viewer's bad network does not affect the others.
 
+use crate::admission::{Opening, Refusals};
+use crate::introduction::{self, Credentials};
 use crate::losses::WantedCopies;
 use crate::path::Path;
 use crate::peer::{Peer, PeerEvent, SendOutcome};
@@ -18,7 +20,7 @@ use link_protocol::announcement::ChannelMode;
 use link_protocol::calls::EnterRoom;
 use link_protocol::data_channel::{Message, Pong, State};
 use link_protocol::presence::PresenceEvent;
-use link_protocol::{Announcement, CallLink, IceServers, Name, RoomLink};
+use link_protocol::{Announcement, CallLink, IceServers, Name, PackageId, RoomLink};
 use link_voice::{Voice, timestamp};
 use serde::Serialize;
 use spmm3::MotionParams;
@@ -129,6 +131,8 @@ struct Shared {
     venue: Venue,
     codec: Codec,
     channel: ChannelMode,
+    avatar: PackageId,
+    credentials: Option<Credentials>,
     clock: Clock,
     frames: watch::Receiver<Arc<MotionFrame>>,
     voice: broadcast::Sender<Voice>,
@@ -138,12 +142,14 @@ struct Shared {
     stop: watch::Receiver<bool>,
     /// Tells of a viewer that is silent.
     doubt: Arc<Notify>,
+    refusals: Refusals,
+    opening: Opening,
     counts: Arc<Counts>,
 }
 
 impl Sender {
     /// Enters `room` and answers viewers from then on, in tasks of the current tokio runtime. If the server goes away, calls go on, and
-    /// the room is entered again when the server is back.
+    /// the room is entered again when the server is back. With `credentials` every viewer is shown who answers it.
     ///
     /// # Errors
     /// If the server cannot be reached or refuses the link or the announcement.
@@ -151,11 +157,19 @@ impl Sender {
         client: Client,
         room: RoomLink,
         announcement: Announcement,
+        credentials: Option<Credentials>,
         clock: Clock,
     ) -> Result<Self, CallError> {
         let entering = EnterRoom::from(announcement);
         let (venue, presence) = Venue::of_room(&client, room, &entering).await?;
-        Ok(Self::start(client, venue, presence, entering, clock))
+        Ok(Self::start(
+            client,
+            venue,
+            presence,
+            entering,
+            credentials,
+            clock,
+        ))
     }
 
     /// As [`Self::enter`], in the first free seat of `call`. Whoever loses it in an outage takes another one.
@@ -166,10 +180,18 @@ impl Sender {
         client: Client,
         call: CallLink,
         entering: EnterRoom,
+        credentials: Option<Credentials>,
         clock: Clock,
     ) -> Result<Self, CallError> {
         let (venue, presence) = Venue::of_call(&client, call, &entering).await?;
-        Ok(Self::start(client, venue, presence, entering, clock))
+        Ok(Self::start(
+            client,
+            venue,
+            presence,
+            entering,
+            credentials,
+            clock,
+        ))
     }
 
     fn start(
@@ -177,6 +199,7 @@ impl Sender {
         venue: Venue,
         presence: Presence,
         entering: EnterRoom,
+        credentials: Option<Credentials>,
         clock: Clock,
     ) -> Self {
         let announcement = entering.announcement;
@@ -194,6 +217,8 @@ impl Sender {
             venue: venue.clone(),
             codec: announcement.codec,
             channel: announcement.channel,
+            avatar: announcement.avatar.sha256,
+            credentials,
             clock,
             frames: newest,
             voice: voice.clone(),
@@ -202,6 +227,8 @@ impl Sender {
             offered: Arc::clone(&offered),
             stop: stopped,
             doubt: Arc::default(),
+            refusals: Refusals::default(),
+            opening: Opening::default(),
             counts: Arc::clone(&counts),
         };
         let task = tokio::spawn(answer_viewers(shared, entering, presence));
@@ -348,17 +375,25 @@ async fn answer_viewers(mut shared: Shared, entering: EnterRoom, presence: Prese
         match event {
             PresenceEvent::Offer { session, sdp } => {
                 shared.offered.notify_one();
-                if viewers.len() >= MAX_VIEWERS {
-                    log::warn!("a viewer is refused: there are {MAX_VIEWERS} already");
+                if shared.counts.viewers.load(Relaxed) >= MAX_VIEWERS {
+                    let why = format!("there are {MAX_VIEWERS} already");
+                    shared.refusals.tell(&why);
                     continue;
+                }
+                if let Some(oldest) = shared.opening.begin(&session)
+                    && let Some(leave) = leaving.remove(&oldest)
+                {
+                    leave.send_replace(true);
                 }
                 let (leave, left) = watch::channel(false);
                 leaving.insert(session.clone(), leave);
                 let shared = shared.clone();
                 viewers.spawn(async move {
+                    let (refusals, opening) = (shared.refusals.clone(), shared.opening.clone());
                     if let Err(error) = serve_viewer(shared, &session, sdp, left).await {
-                        log::warn!("a viewer could not join: {error}");
+                        refusals.tell(&error);
                     }
+                    opening.end(&session);
                 });
             }
             PresenceEvent::IceServers(servers) => shared.ice_servers = servers,
@@ -419,7 +454,7 @@ async fn next_event(
 /// One viewer from its offer to its end.
 async fn serve_viewer(
     mut shared: Shared,
-    session: &Name,
+    name: &Name,
     offer: String,
     mut left: watch::Receiver<bool>,
 ) -> Result<(), CallError> {
@@ -429,10 +464,20 @@ async fn serve_viewer(
         .plan(room.server(), &shared.ice_servers)
         .await;
     let relay = plan.relay.clone();
-    let (mut peer, answer) = Peer::answer(plan, shared.channel, offer).await?;
+    let viewer = match introduction::check_viewer(&room, &offer) {
+        Ok(viewer) => viewer,
+        Err(why) => {
+            let refusal = introduction::REFUSAL;
+            shared.client.answer(&room, name, refusal).await?;
+            return Err(why);
+        }
+    };
+    let (mut peer, answer) = Peer::answer(plan, shared.channel, offer.clone()).await?;
+    let own = shared.credentials.as_ref();
+    let answer = introduction::introduce_sender(own, &room, shared.avatar, &offer, &answer)?;
     // The viewer's first feedback has the session's number.
     let introduced = timeout(OPEN_TIMEOUT, async {
-        shared.client.answer(&room, session, &answer).await?;
+        shared.client.answer(&room, name, &answer).await?;
         peer.opened().await?;
         loop {
             match peer.next().await {
@@ -452,14 +497,17 @@ async fn serve_viewer(
         () = is_set(&mut left) => return Ok(()),
         () = is_set(&mut stop) => return Ok(()),
     };
+    shared.opening.end(name);
     // Before the viewer is counted: its sequences begin at 1 with the first frame captured from now on.
     let before = shared.frames.borrow_and_update().sequence;
     let counts = Arc::clone(&shared.counts);
     counts.viewers.fetch_add(1, Relaxed);
     counts.joined.fetch_add(1, Relaxed);
     let path = peer.path().await;
+    let key = viewer.map(|viewer| format!(" with the key {}", viewer.fingerprint()));
     log::info!(
-        "a viewer has joined (session {session:08x}): {}",
+        "a viewer has joined{} (session {session:08x}): {}",
+        key.unwrap_or_default(),
         Path::told(path.as_ref())
     );
     if let Some(path) = path {

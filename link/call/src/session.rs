@@ -1,9 +1,11 @@
 //! A viewer's connection while it is open, and the feedback that it gives.
 
 use crate::CallError;
+use crate::introduction::Authentication;
 use crate::path::Path;
 use crate::peer::Peer;
 use crate::plan::Plan;
+use identity::PublicKey;
 use link_codec::{Decoder, Micros};
 use link_http::Client;
 use link_playout::Clock;
@@ -32,6 +34,8 @@ pub(crate) struct Session {
     pub(crate) peer: Peer,
     /// The way that it takes.
     pub(crate) path: Option<Path>,
+    /// Who the sender is, where it says so.
+    pub(crate) sender: Option<PublicKey>,
     /// The session's number in messages.
     pub(crate) id: u32,
     /// The session's name on the server.
@@ -52,20 +56,23 @@ pub(crate) struct Session {
 }
 
 impl Session {
-    /// Offers a connection, takes the answer and waits for the open channel, for `limit` at most.
+    /// Offers a connection, takes the answer of the sender that `authentication` takes, and waits for the open channel, for `limit` at most.
     pub(crate) async fn open(
         client: &Client,
         room: &RoomLink,
         announcement: &Announcement,
         plan: Plan,
+        authentication: &Authentication,
         clock: Clock,
         limit: Duration,
     ) -> Result<Self, CallError> {
         let id = getrandom::u32()?;
         let relay = plan.relay.clone();
         let (mut peer, offer) = Peer::offer(plan, announcement.channel).await?;
-        let answer = timeout(limit, client.offer(room, &offer)).await;
+        let signed = authentication.introduce(room, &offer)?;
+        let answer = timeout(limit, client.offer(room, &signed)).await;
         let answer = answer.map_err(|_| CallError::NotConnected)??;
+        let sender = authentication.check(room, announcement.avatar.sha256, &offer, &answer.sdp)?;
         peer.accept(answer.sdp).await?;
         match timeout(limit, peer.opened()).await {
             Ok(Ok(())) => {}
@@ -77,6 +84,7 @@ impl Session {
         let mut session = Self {
             peer,
             path,
+            sender,
             id,
             name: answer.session,
             motion: id,

@@ -1,11 +1,13 @@
 //! The receiving side of a call: joins a room and hands over what arrives, through outages and restarts, until either side hangs up.
 
+use crate::introduction::Authentication;
 use crate::path::Path;
 use crate::peer::PeerEvent;
 use crate::plan::Planner;
 use crate::session::Session;
 use crate::voice_track::VoicePacket;
 use crate::{Backoff, CallError, addresses, answer_bye, is_set, renew, send_bye};
+use identity::PublicKey;
 use link_codec::decode_error::DecodeErrorCounts;
 use link_codec::{Micros, MotionFrame};
 use link_http::Client;
@@ -94,6 +96,8 @@ pub struct ViewerStatistics {
     pub round_trip_us: Option<u64>,
     /// The way that the last connection took.
     pub path: Option<Path>,
+    /// The key of its sender, where it proved to have one.
+    pub sender: Option<PublicKey>,
 }
 
 /// A viewer's place in a room.
@@ -108,9 +112,15 @@ pub struct Viewer {
 
 impl Viewer {
     /// Joins `room` in tasks of the current tokio runtime, and joins again after every outage until either side hangs up. What is said goes
-    /// to `voice` as it arrives; it does not wait for [`Self::next`], nor motion for it.
+    /// to `voice` as it arrives; it does not wait for [`Self::next`], nor motion for it. A sender that `authentication` does not take ends the call.
     #[must_use]
-    pub fn join(client: Client, room: RoomLink, clock: Clock, voice: VoiceQueue) -> Self {
+    pub fn join(
+        client: Client,
+        room: RoomLink,
+        authentication: Authentication,
+        clock: Clock,
+        voice: VoiceQueue,
+    ) -> Self {
         let (sender, events) = channel();
         let waiting = Arc::<AtomicUsize>::default();
         let (stop, stopped) = watch::channel(false);
@@ -119,6 +129,7 @@ impl Viewer {
             client,
             planner: Planner::default(),
             room,
+            authentication,
             clock,
             voice,
             events: sender,
@@ -174,6 +185,7 @@ struct Call {
     client: Client,
     planner: Planner,
     room: RoomLink,
+    authentication: Authentication,
     clock: Clock,
     voice: VoiceQueue,
     events: Sender<CallEvent>,
@@ -244,7 +256,7 @@ impl Call {
                 Turn::Joined(Ok(joined)) => {
                     let (announcement, session) = *joined;
                     joining = None;
-                    let path = session.path.clone();
+                    let (path, sender) = (session.path.clone(), session.sender);
                     log::info!(
                         "joined (session {:08x}): {}",
                         session.id,
@@ -255,6 +267,7 @@ impl Call {
                     self.with_statistics(|s| {
                         s.sessions += 1;
                         s.path = path;
+                        s.sender = sender;
                     });
                     self.voice.begin_connection();
                     self.emit(CallEvent::Joined);
@@ -349,7 +362,7 @@ impl Call {
 
     fn start_joining(&self, after: Duration) -> Joining {
         let (client, room, clock) = (self.client.clone(), self.room.clone(), self.clock);
-        let planner = self.planner.clone();
+        let (planner, authentication) = (self.planner.clone(), self.authentication.clone());
         let limit = match self.with_statistics(|s| s.round_trip_us) {
             // Some ten messages cross until the channel is open.
             Some(us) => RECONNECT_TIMEOUT + 10 * Duration::from_micros(us),
@@ -364,7 +377,16 @@ impl Call {
                 .ok_or(CallError::SenderAbsent)?;
             let announcement = status.announcement;
             let plan = planner.plan(room.server(), &status.ice_servers).await;
-            let session = Session::open(&client, &room, &announcement, plan, clock, limit).await?;
+            let session = Session::open(
+                &client,
+                &room,
+                &announcement,
+                plan,
+                &authentication,
+                clock,
+                limit,
+            )
+            .await?;
             Ok(Box::new((announcement, session)))
         })
     }

@@ -7,9 +7,10 @@ use reqwest::{Method, StatusCode};
 use crate::client::{CALL, OPEN_CALL};
 use crate::{Client, HttpError};
 use link_protocol::CallLink;
+use link_protocol::Token;
 use link_protocol::calls::{CallStatus, OpenedCall};
 use link_protocol::limits::MAX_PEOPLE;
-use link_protocol::room_link::{ServerUrl, Token};
+use link_protocol::room_link::ServerUrl;
 use link_protocol::rooms::OpenRoom;
 
 impl Client {

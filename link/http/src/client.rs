@@ -18,9 +18,9 @@ use url::Url;
 
 use crate::{HttpError, error::of_request, roots};
 use link_protocol::{
-    ProtocolError,
+    ProtocolError, Token,
     limits::{MAX_SDP_BYTES, PRESENCE_COMMENT_EVERY},
-    room_link::{ServerUrl, Token},
+    room_link::ServerUrl,
     rooms::ErrorBody,
 };
 

@@ -15,8 +15,8 @@ use crate::{
     client::{ANSWER, LEAVE, OFFER, OPEN_ROOM, ROOM, invalid_response},
 };
 use link_protocol::{
-    Announcement, Name, RoomLink,
-    room_link::{ServerUrl, Token},
+    Announcement, Name, RoomLink, Token,
+    room_link::ServerUrl,
     rooms::{OpenRoom, OpenedRoom, RoomStatus, SDP_MEDIA_TYPE},
 };
 

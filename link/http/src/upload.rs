@@ -30,9 +30,7 @@ use crate::{
     error::of_request,
 };
 use link_protocol::{
-    PackageId, ProtocolError,
-    announcement::AvatarRef,
-    room_link::{ServerUrl, Token},
+    PackageId, ProtocolError, Token, announcement::AvatarRef, room_link::ServerUrl,
 };
 
 const ATTEMPTS: u32 = 3;

@@ -1,19 +1,23 @@
 //! The link to a call of several (`docs/protocol.md`, "Calls").
 
+use crate::fragment::{Fragment, LinkSecret};
 use crate::limits::MAX_LINK;
-use crate::room_link::{RoomLink, ServerUrl, Token};
-use crate::{Name, ProtocolError};
+use crate::room_link::{RoomLink, ServerUrl};
+use crate::{Name, ProtocolError, Token};
+use identity::KeyHash;
 use std::fmt;
 use std::str::FromStr;
 
-/// `http(s)://HOST[:PORT][/PREFIX]/calls/CALL#TOKEN`: a call, and the right to take a seat in it. It is the same for everyone who joins.
+/// `http(s)://HOST[:PORT][/PREFIX]/calls/CALL#TOKEN[:key=KEY][:secret=SECRET]`: a call, the right to take a seat in it, by which key the one who opened it is known, and
+/// what proves to each that the others have the link.
+/// It is the same for everyone who joins.
 ///
 /// [`Display`](fmt::Display) gives the whole link, token and all; [`Debug`] hides the token.
 #[derive(Clone, PartialEq, Eq)]
 pub struct CallLink {
     server: ServerUrl,
     call: Name,
-    token: Token,
+    fragment: Fragment,
 }
 
 impl CallLink {
@@ -22,9 +26,7 @@ impl CallLink {
     /// # Errors
     /// [`ProtocolError::CallLink`] if `call` is no [`Name`] or `token` no [`Token`].
     pub fn of(server: ServerUrl, call: &str, token: &str) -> Result<Self, ProtocolError> {
-        let call = call
-            .parse()
-            .map_err(|_| wrong("the call's name is missing or has a character that none has"))?;
+        let call = name_of_call(call)?;
         let token = Token::new(token).map_err(|error| match error {
             ProtocolError::Token(why) => wrong(&format!("what follows the `#` is no token: {why}")),
             other => other,
@@ -32,8 +34,28 @@ impl CallLink {
         Ok(Self {
             server,
             call,
-            token,
+            fragment: Fragment::of(token),
         })
+    }
+
+    /// The same link, which also tells the key of the one who opened the call.
+    #[must_use]
+    pub fn with_key(mut self, key: KeyHash) -> Self {
+        self.fragment.key = Some(key);
+        self
+    }
+
+    /// The same link, which also has a secret that no server learns.
+    #[must_use]
+    pub fn with_secret(mut self, secret: LinkSecret) -> Self {
+        self.fragment.secret = Some(secret);
+        self
+    }
+
+    /// The key of the one who opened the call, where the link tells it.
+    #[must_use]
+    pub fn key(&self) -> Option<KeyHash> {
+        self.fragment.key
     }
 
     /// The server that has the call.
@@ -51,13 +73,18 @@ impl CallLink {
     /// The member's token.
     #[must_use]
     pub fn token(&self) -> &Token {
-        &self.token
+        &self.fragment.token
     }
 
     /// The room that is a seat of the call: with a member's token one may enter it, and join whoever is in it.
     #[must_use]
     pub fn seat(&self, room: &Name) -> RoomLink {
-        RoomLink::with(self.server.clone(), room.clone(), self.token.clone())
+        let fragment = Fragment {
+            // Of the one who opened the call alone.
+            key: None,
+            ..self.fragment.clone()
+        };
+        RoomLink::with(self.server.clone(), room.clone(), fragment)
     }
 }
 
@@ -69,13 +96,20 @@ impl FromStr for CallLink {
         if text.len() > MAX_LINK {
             return Err(wrong("it is too long"));
         }
-        let (address, token) = text
+        let (address, fragment) = text
             .split_once('#')
             .ok_or_else(|| wrong("the `#TOKEN` at its end is missing (an unquoted # begins a comment in some shells)"))?;
         let (server, call) = address
             .rsplit_once("/calls/")
             .ok_or_else(|| wrong("it has no `/calls/CALL`"))?;
-        Self::of(server.parse()?, call, token)
+        let fragment = fragment
+            .parse()
+            .map_err(|why: String| wrong(&format!("what follows the `#` is wrong: {why}")))?;
+        Ok(Self {
+            server: server.parse()?,
+            call: name_of_call(call)?,
+            fragment,
+        })
     }
 }
 
@@ -86,7 +120,7 @@ impl fmt::Display for CallLink {
             "{}/calls/{}#{}",
             self.server,
             self.call,
-            self.token.secret()
+            self.fragment.text()
         )
     }
 }
@@ -95,6 +129,11 @@ impl fmt::Debug for CallLink {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}/calls/{}#...", self.server, self.call)
     }
+}
+
+fn name_of_call(text: &str) -> Result<Name, ProtocolError> {
+    let why = "the call's name is missing or has a character that none has";
+    text.parse().map_err(|_| wrong(why))
 }
 
 fn wrong(why: &str) -> ProtocolError {
@@ -122,6 +161,20 @@ mod tests {
     }
 
     #[test]
+    fn a_link_tells_the_openers_key_and_its_seats_do_not() {
+        let key = "k7qf2mxd3paa4hjwk7qf2mxd3m";
+        let text = format!("{LINK}:key={key}");
+        let link: CallLink = text.parse().expect("a link");
+        assert_eq!(link.key().expect("a key").to_string(), key);
+        assert_eq!(link.to_string(), text);
+        assert_eq!(link.token().secret(), "abc");
+        let seat = link.seat(&"r1".parse().expect("a name"));
+        assert_eq!(seat.key(), None, "others sit there, too");
+        let newer: CallLink = format!("{LINK}:ask=1").parse().expect("a link");
+        assert_eq!(newer.to_string(), LINK, "what is not known is passed over");
+    }
+
+    #[test]
     fn what_is_no_link_is_refused_without_its_token() {
         for (text, words) in [
             ("https://call.example/rooms/r7#secret", "/calls/"),
@@ -129,6 +182,10 @@ mod tests {
             ("https://call.example/calls/#secret", "name is missing"),
             ("https://call.example/calls/c/7#secret", "character"),
             ("https://call.example/calls/c7#", "empty"),
+            (
+                "https://call.example/calls/c7#secret:key=short",
+                "key's hash",
+            ),
             ("ftp://call.example/calls/c7#secret", "https"),
             ("", "#TOKEN"),
         ] {

@@ -9,8 +9,11 @@ use std::{
 
 use url::Url;
 
-use crate::limits::{MAX_LINK, MAX_TOKEN};
-use crate::{Name, ProtocolError};
+use identity::KeyHash;
+
+use crate::fragment::{Fragment, LinkSecret};
+use crate::limits::MAX_LINK;
+use crate::{Name, ProtocolError, Token};
 
 /// A server's base address: http or https, a host, maybe a port and a path before `/v1`.
 #[derive(Clone, PartialEq, Eq, Hash)]
@@ -31,6 +34,28 @@ impl ServerUrl {
             Some(url::Host::Ipv4(ip)) => ip.is_loopback(),
             Some(url::Host::Ipv6(ip)) => ip.is_loopback(),
             None => false,
+        }
+    }
+
+    /// Whether what is said to it can be read and changed on its way across the internet: plain HTTP to a host that is neither this machine nor in a private
+    /// network. A name counts as one of the internet unless it ends in `.local` or has no dot.
+    #[must_use]
+    pub fn is_unprotected(&self) -> bool {
+        let Some(url) = Url::parse(&self.base)
+            .ok()
+            .filter(|url| url.scheme() == "http")
+        else {
+            return false;
+        };
+        match url.host() {
+            Some(url::Host::Domain(name)) => name.contains('.') && !name.ends_with(".local"),
+            Some(url::Host::Ipv4(ip)) => {
+                !(ip.is_loopback() || ip.is_private() || ip.is_link_local())
+            }
+            Some(url::Host::Ipv6(ip)) => {
+                !(ip.is_loopback() || ip.is_unique_local() || ip.is_unicast_link_local())
+            }
+            None => true,
         }
     }
 
@@ -98,14 +123,15 @@ impl fmt::Debug for ServerUrl {
     }
 }
 
-/// `http(s)://HOST[:PORT][/PREFIX]/rooms/ROOM#TOKEN`: a room, and the right to be in it.
+/// `http(s)://HOST[:PORT][/PREFIX]/rooms/ROOM#TOKEN[:key=KEY][:secret=SECRET]`: a room, the right to be in it, by which key its sender is known, and what
+/// proves to sender and viewers that the other side has the link.
 ///
 /// [`Display`](fmt::Display) gives the whole link, token and all; [`Debug`](fmt::Debug) hides the token.
 #[derive(Clone, PartialEq, Eq)]
 pub struct RoomLink {
     server: ServerUrl,
     room: Name,
-    token: Token,
+    fragment: Fragment,
 }
 
 impl RoomLink {
@@ -114,24 +140,46 @@ impl RoomLink {
     /// # Errors
     /// [`ProtocolError::Link`] if `room` is no [`Name`], [`ProtocolError::Token`] if `token` is no [`Token`].
     pub fn of(server: ServerUrl, room: &str, token: &str) -> Result<Self, ProtocolError> {
-        let room = room.parse().map_err(|_| {
-            let why = "the room's name is missing or has a character that none has";
-            ProtocolError::Link(why.to_owned())
-        })?;
         Ok(Self {
             server,
-            room,
-            token: Token::new(token)?,
+            room: name_of_room(room)?,
+            fragment: Fragment::of(Token::new(token)?),
         })
     }
 
-    /// The room of this name, with a token that was checked.
-    pub(crate) fn with(server: ServerUrl, room: Name, token: Token) -> Self {
+    /// The room of this name, with what was checked.
+    pub(crate) fn with(server: ServerUrl, room: Name, fragment: Fragment) -> Self {
         Self {
             server,
             room,
-            token,
+            fragment,
         }
+    }
+
+    /// The same link, which also tells the sender's key.
+    #[must_use]
+    pub fn with_key(mut self, key: KeyHash) -> Self {
+        self.fragment.key = Some(key);
+        self
+    }
+
+    /// The same link, which also has a secret that no server learns.
+    #[must_use]
+    pub fn with_secret(mut self, secret: LinkSecret) -> Self {
+        self.fragment.secret = Some(secret);
+        self
+    }
+
+    /// The secret of those who have the link, if it has one.
+    #[must_use]
+    pub fn secret(&self) -> Option<&LinkSecret> {
+        self.fragment.secret.as_ref()
+    }
+
+    /// The sender's key, where the link tells it. Who joins by such a link takes no other sender.
+    #[must_use]
+    pub fn key(&self) -> Option<KeyHash> {
+        self.fragment.key
     }
 
     /// The server that has the room.
@@ -158,7 +206,7 @@ impl RoomLink {
     /// The token.
     #[must_use]
     pub fn token(&self) -> &Token {
-        &self.token
+        &self.fragment.token
     }
 }
 
@@ -171,7 +219,7 @@ impl FromStr for RoomLink {
         if text.len() > MAX_LINK {
             return Err(wrong("it is too long"));
         }
-        let (address, token) = text
+        let (address, fragment) = text
             .split_once('#')
             .ok_or_else(|| wrong("the `#TOKEN` at its end is missing (an unquoted # begins a comment in some shells)"))?;
         let (server, room) = address.rsplit_once("/rooms/").ok_or_else(|| {
@@ -182,68 +230,38 @@ impl FromStr for RoomLink {
             })
         })?;
         let server = check_address(server).map_err(ProtocolError::Link)?;
-        Self::of(server, room, token).map_err(|error| match error {
-            ProtocolError::Token(why) => {
-                ProtocolError::Link(format!("what follows the `#` is no token: {why}"))
-            }
-            other => other,
+        let fragment = fragment
+            .parse()
+            .map_err(|why| ProtocolError::Link(format!("what follows the `#` is wrong: {why}")))?;
+        Ok(Self {
+            server,
+            room: name_of_room(room)?,
+            fragment,
         })
     }
 }
 
+fn name_of_room(text: &str) -> Result<Name, ProtocolError> {
+    text.parse().map_err(|_| {
+        let why = "the room's name is missing or has a character that none has";
+        ProtocolError::Link(why.to_owned())
+    })
+}
+
 impl fmt::Display for RoomLink {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}/rooms/{}#{}", self.server, self.room, self.token.0)
+        write!(
+            f,
+            "{}/rooms/{}#{}",
+            self.server,
+            self.room,
+            self.fragment.text()
+        )
     }
 }
 
 impl fmt::Debug for RoomLink {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}/rooms/{}#...", self.server, self.room)
-    }
-}
-
-/// A bearer token, RFC 6750's `b64token`. It has no `Display` and its `Debug` hides it.
-#[derive(Clone, PartialEq, Eq)]
-pub struct Token(String);
-
-impl Token {
-    /// The token that this text is, without blanks around.
-    ///
-    /// # Errors
-    /// [`ProtocolError::Token`] with the reason.
-    pub fn new(text: &str) -> Result<Self, ProtocolError> {
-        let text = text.trim();
-        if text.is_empty() {
-            return Err(ProtocolError::Token("it is empty"));
-        }
-        if text.len() > MAX_TOKEN {
-            return Err(ProtocolError::Token("it is too long"));
-        }
-        if !text
-            .bytes()
-            .all(|byte| byte.is_ascii_alphanumeric() || b"-._~+/=".contains(&byte))
-        {
-            return Err(ProtocolError::Token("it has a character that no token has"));
-        }
-        Ok(Self(text.to_owned()))
-    }
-
-    /// The token's text, for the `Authorization` header. It must not appear in a log or a message.
-    #[must_use]
-    pub fn secret(&self) -> &str {
-        &self.0
-    }
-
-    /// `text` with this token replaced, for a server's answer that may repeat it.
-    #[must_use]
-    pub fn redact(&self, text: &str) -> String {
-        text.replace(&self.0, "[token]")
-    }
-}
-
-impl fmt::Debug for Token {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("...")
     }
 }

@@ -3,13 +3,15 @@
 use super::PackageError;
 use super::archive::Archive;
 use super::compiled::{self, check_entries};
-use super::manifest::{MANIFEST, Manifest};
+use super::manifest::{MANIFEST, Manifest, VERSION};
 use super::members::{self, MEMBERS};
+use super::signed::{self, SIGNATURE};
 use crate::networks::CompiledGraph;
 use crate::{
     BoundGaussians, Controllers, ExpressionBasis, Expressions, Importance, KeptLevel, PoseRange,
     Skeleton, Template,
 };
+use identity::PublicKey;
 use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read, Seek};
 use std::path::Path;
@@ -49,11 +51,13 @@ pub struct Avatar {
     pub compiled: Vec<CompiledGraph>,
     /// What the builder measured (errors), free in form.
     pub report: serde_json::Value,
+    /// Who signed the package that this was read from; [`Self::save`] writes no signature.
+    pub signer: Option<PublicKey>,
 }
 
 impl Avatar {
     /// The avatar as a reader of its package sees it: Gaussians rounded to half precision
-    /// ([`BoundGaussians::quantised`]). Saving and loading gives exactly this.
+    /// ([`BoundGaussians::quantised`]). Saving and loading gives exactly this, but for the signer.
     #[must_use]
     pub fn quantised(mut self) -> Self {
         self.gaussians = self.gaussians.quantised();
@@ -120,6 +124,7 @@ impl Avatar {
             pose_range,
             compiled,
             report: manifest.report,
+            signer: manifest.signer,
         })
     }
 }
@@ -135,9 +140,16 @@ impl Manifest {
 
     /// Reads the manifest and checks that the archive holds what it lists and nothing else.
     fn from_archive<R: Read + Seek>(archive: &mut Archive<R>) -> Result<Self, PackageError> {
-        let manifest = Self::parse(&archive.unpack(MANIFEST, MAX_MANIFEST)?)?;
+        let text = archive.unpack(MANIFEST, MAX_MANIFEST)?;
+        let mut manifest = Self::parse(&text)?;
+        manifest.signer = signed::signer(archive, &text)?;
+        if manifest.signer.is_none() && manifest.version >= VERSION {
+            return Err(PackageError::member(SIGNATURE, "it is missing"));
+        }
         let mut listed: Vec<&str> = manifest.members.iter().map(|m| m.name.as_str()).collect();
         listed.push(MANIFEST);
+        let signature = manifest.signer.map(|_| SIGNATURE);
+        listed.extend(signature);
         listed.sort_unstable();
         let mut present = archive.names();
         present.sort_unstable();
@@ -152,6 +164,7 @@ impl Manifest {
         let mut known: Vec<&str> = MEMBERS
             .into_iter()
             .chain([MANIFEST])
+            .chain(signature)
             .chain(compiled)
             .collect();
         known.sort_unstable();

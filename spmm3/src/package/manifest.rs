@@ -9,15 +9,16 @@ use crate::{
     EXPRESSION, ExpressionBasis, ExpressionPreset, Expressions, JOINTS, PARAMS, PersonError,
     PoseRange,
 };
+use identity::PublicKey;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Name of the format in [`Manifest::format`].
 pub const FORMAT: &str = "mon3tr-avatar";
-/// Newest format version this crate reads. It came with compiled graphs and the order of importance, and is written where
-/// a package has either.
-pub const VERSION: u32 = 2;
-/// The version of a package with neither, which older programs read too.
+/// Newest format version this crate reads: that of a package with a signature.
+pub const VERSION: u32 = 3;
+/// The version of a package with a compiled graph or an order of importance, and of one with neither: what older programs read too.
+pub(super) const VERSION_EXTENDED: u32 = 2;
 pub(super) const VERSION_PLAIN: u32 = 1;
 
 /// How [`Manifest::generator`] begins in packages that this crate writes; the version follows.
@@ -78,6 +79,9 @@ pub struct Manifest {
     /// What the builder measured (errors), free in form.
     #[serde(default)]
     pub report: serde_json::Value,
+    /// Whose package it is, by a signature that fits: of a member of its own, which the manifest does not list.
+    #[serde(skip)]
+    pub signer: Option<PublicKey>,
 }
 
 /// Sizes that all members agree on.

@@ -6,6 +6,9 @@
 //! The manifest's `expression_basis` names what the 50 expression slots mean ([`crate::ExpressionBasis`]; [`Manifest::basis`] says what a
 //! package without it has). `expressions` holds named expressions in that basis, each 50 coefficients and an opening of the jaw: a
 //! camera's face and the built-in motion are made of these, so a package shows what it names ([`crate::Expressions`]).
+//!
+//! A package may be signed by its owner's key ([`Avatar::save_signed`]): who it is then says [`Avatar::signer`], and a package whose signature does
+//! not fit is refused.
 
 mod archive;
 mod avatar;
@@ -14,6 +17,7 @@ mod error;
 mod graph;
 mod manifest;
 mod members;
+mod signed;
 mod tensors;
 mod write;
 

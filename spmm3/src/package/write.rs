@@ -3,15 +3,18 @@
 use super::archive;
 use super::compiled;
 use super::manifest::{
-    self, Counts, FORMAT, GENERATOR, MANIFEST, Manifest, MemberEntry, VERSION, VERSION_PLAIN,
+    self, Counts, FORMAT, GENERATOR, MANIFEST, Manifest, MemberEntry, VERSION, VERSION_EXTENDED,
+    VERSION_PLAIN,
 };
 use super::members::{
     BINDING, CONTROLLERS, GAUSSIANS, HEIRS, MEMBERS, ORDER, Packed, TEMPLATE, ports, signature,
 };
+use super::signed::{self, SIGNATURE};
 use super::tensors::Writer;
 use super::{Avatar, PackageError};
 use crate::{ATTRIBUTES, INFLUENCES, JOINTS, NEIGHBOURS, PARAMS};
 use half::f16;
+use identity::Identity;
 use std::fs::File;
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
@@ -24,33 +27,26 @@ impl Avatar {
     /// If the avatar's parts do not fit each other (the package is read back before it is written) or the file cannot
     /// be written.
     pub fn save(&self, path: &Path) -> Result<u64, PackageError> {
-        let bytes = self.to_bytes()?;
-        let mut partial = PathBuf::from(path).into_os_string();
-        partial.push(format!(".{}.partial", std::process::id()));
-        let partial = PathBuf::from(partial);
-        let written = File::create(&partial)
-            .and_then(|mut file| file.write_all(&bytes).and_then(|()| file.sync_all()));
-        let moved = match written {
-            Ok(()) => std::fs::rename(&partial, path).map_err(|e| ("replace", e)),
-            Err(e) => Err(("write", e)),
-        };
-        moved.map_err(|(action, source)| {
-            // Best effort: the error that is returned says what went wrong.
-            let _ = std::fs::remove_file(&partial);
-            PackageError::File {
-                action,
-                path: path.to_path_buf(),
-                source,
-            }
-        })?;
-        Ok(bytes.len() as u64)
+        write(path, &self.to_bytes()?)
     }
 
-    /// The package's bytes. Equal avatars give equal bytes.
+    /// As [`Self::save`], with the owner's signature: receivers let nobody else drive it, but whom the owner permits ([`identity::Permit`]).
+    ///
+    /// # Errors
+    /// As [`Self::save`].
+    pub fn save_signed(&self, path: &Path, owner: &Identity) -> Result<u64, PackageError> {
+        write(path, &self.bytes(Some(owner))?)
+    }
+
+    /// The package's bytes, without a signature. Equal avatars give equal bytes.
     ///
     /// # Errors
     /// If the avatar's parts do not fit each other.
     pub fn to_bytes(&self) -> Result<Vec<u8>, PackageError> {
+        self.bytes(None)
+    }
+
+    fn bytes(&self, owner: Option<&Identity>) -> Result<Vec<u8>, PackageError> {
         let signature = signature(&self.deform_graph)?;
         let (compiled, compiled_entries): (Vec<_>, Vec<_>) =
             compiled::pack(&self.compiled, &signature)?
@@ -73,10 +69,12 @@ impl Avatar {
             .collect();
         let manifest = Manifest {
             format: FORMAT.into(),
-            version: if self.compiled.is_empty() && self.importance.is_none() {
+            version: if owner.is_some() {
+                VERSION
+            } else if self.compiled.is_empty() && self.importance.is_none() {
                 VERSION_PLAIN
             } else {
-                VERSION
+                VERSION_EXTENDED
             },
             name: self.name.clone(),
             generator: format!("{GENERATOR}{}", env!("CARGO_PKG_VERSION")),
@@ -102,10 +100,13 @@ impl Avatar {
                 .collect(),
             pose_range: self.pose_range.as_ref().map(Into::into),
             report: self.report.clone(),
+            signer: None,
         };
         let text = serde_json::to_vec_pretty(&manifest)
             .map_err(|e| PackageError::member(MANIFEST, e.to_string()))?;
+        let signed = owner.map(|owner| (SIGNATURE, signed::pack(owner, &text)));
         let mut files = vec![(MANIFEST, text)];
+        files.extend(signed);
         files.extend(packed.into_iter().map(|(name, (bytes, _))| (name, bytes)));
         let bytes = archive::write(&files)?;
         // A package that the reader refuses must not be written.
@@ -113,6 +114,29 @@ impl Avatar {
         Self::read(Cursor::new(&bytes))?;
         Ok(bytes)
     }
+}
+
+/// Writes the file whole or not at all; how many bytes.
+fn write(path: &Path, bytes: &[u8]) -> Result<u64, PackageError> {
+    let mut partial = PathBuf::from(path).into_os_string();
+    partial.push(format!(".{}.partial", std::process::id()));
+    let partial = PathBuf::from(partial);
+    let written = File::create(&partial)
+        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()));
+    let moved = match written {
+        Ok(()) => std::fs::rename(&partial, path).map_err(|e| ("replace", e)),
+        Err(e) => Err(("write", e)),
+    };
+    moved.map_err(|(action, source)| {
+        // Best effort: the error that is returned says what went wrong.
+        let _ = std::fs::remove_file(&partial);
+        PackageError::File {
+            action,
+            path: path.to_path_buf(),
+            source,
+        }
+    })?;
+    Ok(bytes.len() as u64)
 }
 
 /// The members of an avatar, in the order of [`MEMBERS`].

@@ -180,6 +180,7 @@ impl Puppet {
                 .expect("the networks fit"),
             pose_range: None,
             compiled: Vec::new(),
+            signer: None,
             report: serde_json::json!({ "vertices": self.template.vertices().len(), "error_mm": 0.1 + 0.2 }),
         }
     }

@@ -274,7 +274,8 @@ pub(crate) fn wrong_manifests(court: &mut Court, parts: &Parts) {
             change(&path, value, "package member");
         }
     }
-    change("/version", json!(3), "update mon3tr");
+    change("/version", json!(3), "signature.txt: it is missing");
+    change("/version", json!(4), "update mon3tr");
     change("/version", json!(4_000_000_000u32), "update mon3tr");
     change("/version", json!("1"), MANIFEST);
     change("/format", json!("mon3tr-scene"), "mon3tr-scene");

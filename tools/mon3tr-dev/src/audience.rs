@@ -5,6 +5,7 @@ use link_call::forward::Forwarder;
 use link_http::Client;
 use link_playout::Clock;
 use link_protocol::RoomLink;
+use mon3tr::keys;
 use mon3tr::network::Network;
 use mon3tr::report::{check_writable, write_json};
 use std::path::PathBuf;
@@ -57,6 +58,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     options.json.as_deref().map_or(Ok(()), check_writable)?;
     let network = Network::start()?;
     let client = Client::new(options.ca.as_deref())?;
+    let keys = keys::open()?;
     let stop = network.stop_on_signal();
     let into = match &options.into {
         Some(link) => link.clone(),
@@ -69,16 +71,26 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
             let room = network
                 .block_on(opened)
                 .context("cannot open a room for the audience")?;
+            let secret = sender::new_secret()?;
+            let key = keys.identity().public();
+            let viewers = room.viewer.with_secret(secret.clone()).with_key(key.hash());
+            println!("the audience joins with\n  mon3tr receive '{viewers}'");
             println!(
-                "the audience joins with\n  mon3tr receive '{}'",
-                room.viewer
+                "where the avatar is signed, its owner has to let this forwarder show it: `mon3tr keys allow {key}`, and here `mon3tr keys accept`"
             );
-            room.sender
+            room.sender.with_secret(secret)
         }
     };
     let figures = network.block_on(async {
         let source = options.link.clone();
-        let forwarder = Forwarder::begin(client, source, into, options.viewers, Clock::start());
+        let forwarder = Forwarder::begin(
+            client,
+            source,
+            into,
+            options.viewers,
+            Some(keys),
+            Clock::start(),
+        );
         let forwarder = forwarder.await.context("cannot forward")?;
         println!("forwarding until Ctrl-C");
         while !stop.load(Relaxed) {

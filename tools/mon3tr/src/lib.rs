@@ -13,6 +13,7 @@ pub mod film;
 mod flat;
 mod gaze;
 mod ground;
+pub mod keys;
 mod lanes;
 mod moments;
 mod monado;

@@ -3,6 +3,7 @@
 use anyhow::Context;
 use link_http::Client;
 use link_playout::Clock;
+use link_protocol::room_link::ServerUrl;
 use std::future::Future;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -66,6 +67,15 @@ pub(crate) async fn asked_to_end() -> std::io::Result<()> {
     }
     #[cfg(not(unix))]
     tokio::signal::ctrl_c().await
+}
+
+/// Tells where anyone on the way can read and change what is said to the server.
+pub(crate) fn warn_if_unprotected(server: &ServerUrl) {
+    if server.is_unprotected() {
+        log::warn!(
+            "{server} is reached over the internet without encryption: anyone on the way can read its links and tokens. Motion and voice stay encrypted. A server with a certificate (https) prevents it"
+        );
+    }
 }
 
 /// What a command needs to talk to others.

@@ -122,6 +122,7 @@ pub(crate) fn assemble(material: Material<'_>) -> Result<Assembled, PersonError>
             deform_graph,
             pose_range: None,
             compiled: Vec::new(),
+            signer: None,
             report: serde_json::Value::Null,
         },
         mesh,

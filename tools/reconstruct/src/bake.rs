@@ -124,6 +124,7 @@ impl Baked {
             deform_graph: graph.to_onnx(GraphParts::Whole)?,
             pose_range: None,
             compiled: Vec::new(),
+            signer: None,
             report: serde_json::to_value(&self.report).unwrap_or_default(),
             skeleton: self.skeleton,
             template: self.template,

@@ -14,7 +14,7 @@ pub use capture::{Capture, Captured};
 pub use clip::ClipCapture;
 pub use error::SendError;
 pub use lips::{Lips, Overheard};
-pub use room::{Desk, Entered, Place, enter};
+pub use room::{Desk, Entered, Place, enter, new_secret};
 pub use send::send;
 pub use unseen_face::UnseenFace;
 pub use voice::{ProcessedMicrophone, VoiceFile, VoiceSource, say};

@@ -1,14 +1,14 @@
 //! Enters a room or a seat of a call: uploads the avatar if the store lacks it, and opens a room if none was given.
 
 use crate::SendError;
-use link_call::{CallError, Sender};
+use link_call::{CallError, Credentials, Sender};
 use link_codec::Codec;
 use link_http::Client;
 use link_playout::Clock;
 use link_protocol::announcement::{AvatarRef, ChannelMode};
 use link_protocol::calls::EnterRoom;
 use link_protocol::room_link::ServerUrl;
-use link_protocol::{Announcement, CallLink, Name, PersonName, RoomLink};
+use link_protocol::{Announcement, CallLink, LinkSecret, Name, PersonName, RoomLink};
 use std::path::PathBuf;
 
 /// What a sender needs to enter.
@@ -24,6 +24,8 @@ pub struct Desk {
     pub channel: ChannelMode,
     /// Motions a second.
     pub rate_hz: f64,
+    /// One's own key, which every viewer is shown; the viewers' link has it, too.
+    pub credentials: Option<Credentials>,
 }
 
 /// A seat of a call, an open room, or a server to open one on.
@@ -118,7 +120,15 @@ pub async fn enter(
         rate_hz: desk.rate_hz,
     };
     let enter = async |room: &RoomLink| {
-        Sender::enter(client.clone(), room.clone(), announcement, clock).await
+        let credentials = desk.credentials.clone();
+        Sender::enter(
+            client.clone(),
+            room.clone(),
+            announcement,
+            credentials,
+            clock,
+        )
+        .await
     };
     match &desk.place {
         Place::Call { link, name } => {
@@ -127,7 +137,9 @@ pub async fn enter(
                 person: name.clone(),
                 occupant: Some(occupant()?),
             };
-            let host = Sender::enter_call(client.clone(), link.clone(), entering, clock).await?;
+            let (client, link) = (client.clone(), link.clone());
+            let credentials = desk.credentials.clone();
+            let host = Sender::enter_call(client, link, entering, credentials, clock).await?;
             Ok(Entered {
                 host,
                 viewers: None,
@@ -147,12 +159,27 @@ pub async fn enter(
         } => {
             let room = client.open_room(server, owner_token, None).await;
             let room = room.map_err(CallError::from)?;
+            let secret = new_secret()?;
+            let viewers = room.viewer.with_secret(secret.clone());
             Ok(Entered {
-                host: enter(&room.sender).await?,
-                viewers: Some(room.viewer),
+                host: enter(&room.sender.with_secret(secret)).await?,
+                viewers: Some(match &desk.credentials {
+                    Some(own) => viewers.with_key(own.key().hash()),
+                    None => viewers,
+                }),
             })
         }
     }
+}
+
+/// The secret for a new link.
+///
+/// # Errors
+/// If the system gives no random numbers.
+pub fn new_secret() -> Result<LinkSecret, SendError> {
+    let mut bytes = [0; 16];
+    getrandom::fill(&mut bytes).map_err(CallError::from)?;
+    Ok(LinkSecret::new(bytes))
 }
 
 /// Nobody else knows it.

@@ -201,6 +201,7 @@ impl Call {
                 self.announced = announced;
             }
             CallEvent::Joined => {
+                self.watch.know(self.viewer.statistics().sender);
                 self.buffer.reset();
                 self.voice.follow(None);
             }

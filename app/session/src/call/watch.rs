@@ -1,8 +1,9 @@
 //! What a call counts and tells, for who shows it meanwhile, and the way to leave it: the call itself belongs to a lane then.
 
+use identity::PublicKey;
 use link_protocol::data_channel::PersonState;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, OnceLock};
 
 /// What came and what did not, since the call was begun.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -29,6 +30,7 @@ struct Counts {
     hidden: AtomicBool,
     leaves: AtomicBool,
     is_over: AtomicBool,
+    sender: OnceLock<Option<PublicKey>>,
 }
 
 impl CallWatch {
@@ -51,6 +53,12 @@ impl CallWatch {
         }
     }
 
+    /// The key of the person, or that they show none; nothing before the first connection with them.
+    #[must_use]
+    pub fn key(&self) -> Option<Option<PublicKey>> {
+        self.0.sender.get().copied()
+    }
+
     /// Has this side leave the call with them.
     pub fn leave(&self) {
         self.0.leaves.store(true, Relaxed);
@@ -70,6 +78,10 @@ impl CallWatch {
 
     pub(crate) fn is_left(&self) -> bool {
         self.0.leaves.load(Relaxed)
+    }
+
+    pub(crate) fn know(&self, sender: Option<PublicKey>) {
+        self.0.sender.get_or_init(|| sender);
     }
 
     pub(crate) fn end(&self) {

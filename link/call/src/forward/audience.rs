@@ -1,10 +1,12 @@
 //! The forwarder's side towards the audience: a task for each viewer.
 
 use super::{Counts, Forwarded, OPEN_WITHIN, UNKNOWN};
+use crate::introduction::{self, Credentials};
 use crate::peer::{Peer, PeerEvent, SendOutcome};
 use crate::plan::Planner;
 use crate::voice_track::VoicePacket;
 use crate::{Backoff, CallError, answer_bye, is_set, send_bye};
+use identity::{Keyring, Permit, PublicKey};
 use link_codec::Micros;
 use link_http::presence::Presence;
 use link_http::{Client, HttpError};
@@ -38,6 +40,10 @@ pub(super) struct Stage {
     pub(super) audience: RoomLink,
     /// What the sender announced last.
     pub(super) announced: watch::Receiver<Announcement>,
+    /// This side's own key and the permits for it.
+    pub(super) keys: Option<(Keyring, Arc<[Permit]>)>,
+    /// Who the sender is, where it says so.
+    pub(super) sender: watch::Receiver<Option<PublicKey>>,
     pub(super) clock: Clock,
     pub(super) forwarded: broadcast::Sender<Forwarded>,
     /// The session of the connection to the sender, while there is one.
@@ -89,8 +95,20 @@ async fn serve(
 ) -> Result<(), CallError> {
     let server = stage.audience.server();
     let plan = stage.planner.plan(server, &stage.ice_servers).await;
-    let channel = stage.announced.borrow().channel;
-    let (mut peer, answer) = Peer::answer(plan, channel, offer).await?;
+    let room = &stage.audience;
+    if let Err(why) = introduction::check_viewer(room, &offer) {
+        let refusal = introduction::REFUSAL;
+        stage.client.answer(room, session, refusal).await?;
+        return Err(why);
+    }
+    let announced = *stage.announced.borrow();
+    let own = stage
+        .keys
+        .as_ref()
+        .map(|(keys, permits)| Credentials::of_forwarder(keys, permits, *stage.sender.borrow()));
+    let (mut peer, answer) = Peer::answer(plan, announced.channel, offer.clone()).await?;
+    let avatar = announced.avatar.sha256;
+    let answer = introduction::introduce_sender(own.as_ref(), room, avatar, &offer, &answer)?;
     let introduced = timeout(OPEN_WITHIN, async {
         stage
             .client

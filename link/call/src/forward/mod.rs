@@ -11,6 +11,7 @@ use crate::plan::Planner;
 use crate::voice_track::VoicePacket;
 use audience::Stage;
 use bytes::Bytes;
+use identity::Keyring;
 use link_http::Client;
 use link_playout::Clock;
 use link_protocol::calls::EnterRoom;
@@ -81,17 +82,20 @@ pub struct ForwarderStatistics {
 impl Forwarder {
     /// Joins the sender of `source` as a viewer, and hands on what comes to at most `most` viewers of `audience`, which this side enters
     /// as its sender. In tasks of the current tokio runtime, until it is stopped; the sender may come and go meanwhile, also as another
-    /// avatar, which the viewers are told.
+    /// avatar, which the viewers are told. Viewers are shown the key of `keys`, and a permit in it of the sender's, without which they take nobody
+    /// but the sender where the avatar is signed.
     ///
     /// # Errors
-    /// If the sender is not there, or the room for the audience cannot be entered.
+    /// If the sender is not there, the room for the audience cannot be entered, or the permits cannot be read.
     pub async fn begin(
         client: Client,
         source: RoomLink,
         audience: RoomLink,
         most: usize,
+        keys: Option<Keyring>,
         clock: Clock,
     ) -> Result<Self, CallError> {
+        let permits = keys.as_ref().map_or(Ok(Vec::new()), Keyring::permits)?;
         let status = client.room_status(&source).await?;
         let announcement = status.ok_or(CallError::SenderAbsent)?.announcement;
         let entering = EnterRoom::from(announcement);
@@ -107,6 +111,7 @@ impl Forwarder {
             offset_us: AtomicI64::new(UNKNOWN),
         });
         let (telling, told) = watch::channel(None);
+        let (meeting, met) = watch::channel(None);
         let (announcing, announced) = watch::channel(announcement);
         let stage = Stage {
             client: client.clone(),
@@ -114,6 +119,8 @@ impl Forwarder {
             ice_servers: IceServers::default(),
             audience,
             announced,
+            keys: keys.map(|keys| (keys, permits.into())),
+            sender: met,
             clock,
             forwarded: broadcast::Sender::new(WAITING),
             source: told,
@@ -129,6 +136,7 @@ impl Forwarder {
                 clock,
                 announcing,
                 telling,
+                meeting,
                 forwarded: stage.forwarded.clone(),
                 counts: Arc::clone(&stage.counts),
                 stop: stage.stop.clone(),

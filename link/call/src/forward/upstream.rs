@@ -1,11 +1,13 @@
 //! The forwarder's side towards the sender: a viewer that decodes nothing.
 
 use super::{Counts, Forwarded, OPEN_WITHIN, UNKNOWN};
+use crate::introduction::Authentication;
 use crate::peer::PeerEvent;
 use crate::plan::Planner;
 use crate::session::Session;
 use crate::{Backoff, CallError, answer_bye, is_set, send_bye};
 use bytes::Bytes;
+use identity::PublicKey;
 use link_http::Client;
 use link_playout::Clock;
 use link_playout::clock::Exchange;
@@ -31,6 +33,8 @@ pub(super) struct Upstream {
     pub(super) clock: Clock,
     pub(super) announcing: watch::Sender<Announcement>,
     pub(super) telling: watch::Sender<Option<u32>>,
+    /// Who the sender is.
+    pub(super) meeting: watch::Sender<Option<PublicKey>>,
     pub(super) forwarded: broadcast::Sender<Forwarded>,
     pub(super) counts: Arc<Counts>,
     pub(super) stop: watch::Receiver<bool>,
@@ -49,6 +53,7 @@ impl Upstream {
                 Ok(mut session) => {
                     log::info!("the sender is here (session {:08x})", session.id);
                     backoff.reset();
+                    self.meeting.send_replace(session.sender);
                     self.telling.send_replace(Some(session.id));
                     // Once it has ended the audience is told the same further on: that is the sign of life for which it stays.
                     let why = self.pump(&mut session).await;
@@ -78,6 +83,7 @@ impl Upstream {
             &self.source,
             announcement,
             plan,
+            &Authentication::default(),
             self.clock,
             OPEN_WITHIN,
         )

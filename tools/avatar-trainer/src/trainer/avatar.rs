@@ -149,6 +149,7 @@ impl Trainer<'_> {
             controllers: self.controllers.clone(),
             importance: Some(order),
             compiled: Vec::new(),
+            signer: None,
             deform_graph,
             pose_range: self.pose_range(),
             report,

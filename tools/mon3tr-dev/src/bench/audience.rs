@@ -3,7 +3,7 @@
 use super::measure::print_table;
 use anyhow::{Context, bail};
 use link_call::viewer::ViewerStatistics;
-use link_call::{CallEvent, Viewer};
+use link_call::{Authentication, CallEvent, Viewer};
 use link_http::Client;
 use link_playout::Clock;
 use link_protocol::RoomLink;
@@ -148,8 +148,13 @@ impl Audience {
                 for _ in 0..AT_ONCE.min(count - self.there.len()) {
                     let (client, link) = (self.client.clone(), self.link.clone());
                     let voice = VoiceQueue::default();
-                    self.there
-                        .push(Viewer::join(client, link, self.clock, voice));
+                    self.there.push(Viewer::join(
+                        client,
+                        link,
+                        Authentication::default(),
+                        self.clock,
+                        voice,
+                    ));
                 }
             });
             self.drain(BETWEEN, &mut Vec::new());

@@ -12,6 +12,7 @@ use image::RgbImage;
 use length::{Clock, Length, Note};
 use mon3tr::device_options::{DeviceOptions, describe, make_folder};
 use mon3tr::film::write_png;
+use mon3tr::keys;
 use mon3tr::network::Network;
 use perceptual_loss::Lpips;
 use progress_line::ProgressLine;
@@ -321,6 +322,7 @@ fn train(
         line.stepped(&report, clock, trainer.steps());
     }
     line.finish();
+    keys::sign(files.package)?;
     if stop.load(Relaxed) {
         eprintln!(
             "Ended: the package and all that was learnt are written. To go on: --resume, with the same CAPTURE, -o and --work, and without --gaussians, --template, \

@@ -2,6 +2,7 @@
 //! a headset's NPU.
 
 use crate::device_options::{DeviceOptions, cache, make_folder, makehuman};
+use crate::keys;
 use crate::progress::Bars;
 use crate::report::{check_writable, write_json};
 use crate::stills::load_avatar;
@@ -137,14 +138,28 @@ impl Npu {
     }
 }
 
-/// Writes the package and gives its size in bytes.
+/// Writes the package, signed if it was this user's, and gives its size in bytes.
 fn save(avatar: &Avatar, out: &Path) -> anyhow::Result<u64> {
     if let Some(folder) = out.parent() {
         make_folder(folder)?;
     }
-    avatar
-        .save(out)
-        .with_context(|| format!("cannot write {}", out.display()))
+    let written = match avatar.signer {
+        None => avatar.save(out),
+        Some(signer) => {
+            let keyring = keys::open()?;
+            let own = keyring.identity();
+            if own.public() == signer {
+                avatar.save_signed(out, own)
+            } else {
+                println!(
+                    "{} is not signed any more: its signer is someone else",
+                    out.display()
+                );
+                avatar.save(out)
+            }
+        }
+    };
+    written.with_context(|| format!("cannot write {}", out.display()))
 }
 
 /// The package that was chosen, or the demo avatar's.

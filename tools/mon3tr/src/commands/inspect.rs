@@ -116,6 +116,9 @@ impl Inspection {
                 graph.target, graph.qnn, graph.onnx_runtime
             );
         }
+        let signer = manifest.signer.map(|signer| signer.fingerprint());
+        let signer = signer.as_deref().unwrap_or("nobody: anyone may drive it");
+        println!("signed by    {signer}");
         println!("from         {}", manifest.provenance);
         println!("licence      {}", manifest.licence);
         println!("\n{:<24} {:>10}  sha256", "member", "bytes");

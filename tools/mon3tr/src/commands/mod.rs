@@ -5,6 +5,7 @@ pub(crate) mod call;
 pub(crate) mod demo;
 pub(crate) mod doctor;
 pub(crate) mod inspect;
+pub(crate) mod keys;
 pub(crate) mod profile;
 pub(crate) mod receive;
 pub(crate) mod render;
@@ -35,6 +36,8 @@ pub enum Command {
     Call(Box<call::Options>),
     /// Say whether, and by which way, others can reach this machine
     Doctor(doctor::Options),
+    /// Show your key, and say who may drive your avatars
+    Keys(keys::Options),
     /// Send what a camera sees a person do, or a motion from a file, to everyone who joins
     Send(send::Options),
     /// Join a call and show who is there
@@ -60,6 +63,7 @@ impl Command {
             Self::Serve(options) => serve::run(options),
             Self::Call(options) => call::run(options, device),
             Self::Doctor(options) => doctor::run(options),
+            Self::Keys(options) => keys::run(options),
             Self::Send(options) => send::run(options, device),
             Self::Receive(options) => receive::run(options, device),
             Self::Profile(options) => profile::run(options, device),

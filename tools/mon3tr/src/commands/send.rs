@@ -4,6 +4,7 @@ use crate::camera::{CameraCapture, CameraFigures, CameraOptions, OpenCamera};
 use crate::commands::send_memory::{SenderMemory, Watched};
 use crate::commands::serve::owner_token_file;
 use crate::device_options::DeviceOptions;
+use crate::keys;
 use crate::network::{self, Line};
 use crate::performance::MotionOptions;
 use crate::preview::Preview;
@@ -14,8 +15,8 @@ use crate::voice_options::VoiceOptions;
 use anyhow::{Context, anyhow, bail};
 use app_session::headset::WearerSlot;
 use app_session::own_motion::OwnMotion;
-use call_member::{Performance, WEARER_RATE, WearerCapture};
-use link_call::Sender;
+use call_member::{Performance, SetAtEnd, WEARER_RATE, WearerCapture};
+use link_call::{Credentials, Sender};
 use link_codec::Codec;
 use link_protocol::RoomLink;
 use link_protocol::announcement::ChannelMode;
@@ -26,7 +27,7 @@ use serde::Serialize;
 use spmm3::Avatar;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 /// Motion rates a sender may have.
@@ -34,6 +35,9 @@ const RATES: std::ops::RangeInclusive<f64> = 1.0..=120.0;
 
 /// Motions a second of a camera that does not say its rate.
 const CAMERA_RATE: f64 = 30.0;
+
+/// Between two lines about how many viewers there are, at least.
+const TOLD_APART: Duration = Duration::from_secs(2);
 
 /// Between two looks whether the first viewer has come.
 const LOOK: Duration = Duration::from_millis(5);
@@ -122,10 +126,9 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let preview = (options.preview.then(|| Preview::open(device))).transpose()?;
     let avatar = options.person.avatar()?;
     let performer = Performer::open(&options.person, avatar, options.seconds, device)?;
+    let credentials = keys::of_sender(&performer.avatar)?;
     let line = Line::open(&options.trust)?;
-    let desk = options
-        .person
-        .desk(options.place()?, avatar, performer.rate_hz);
+    let desk = (options.person).desk(options.place()?, avatar, performer.rate_hz, credentials);
     let entered = enter(&desk, &line)?;
     if let Some(viewers) = &entered.viewers {
         println!("in the room. Others join with\n  mon3tr receive '{viewers}'");
@@ -149,6 +152,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
 /// # Errors
 /// If there is no way in.
 pub(crate) fn enter(desk: &Desk, line: &Line) -> anyhow::Result<Entered> {
+    network::warn_if_unprotected(desk.place.server());
     let bar = progress::bytes("uploading the avatar");
     let entered = line
         .network
@@ -225,10 +229,18 @@ pub(crate) fn perform(
         performance.send(&host, clock, stop)?;
         Ok((begun, watched.settled_bytes))
     };
-    let performed = match (preview, shown) {
-        (Some(preview), Some(camera)) => preview.beside(&avatar, &camera, perform)?,
-        _ => perform(),
-    };
+    let over = AtomicBool::new(false);
+    let performed = std::thread::scope(|scope| {
+        let _over = SetAtEnd(&over);
+        // In a call of several the roster tells who comes and goes.
+        if !matches!(desk.place, Place::Call { .. }) {
+            scope.spawn(|| tell_of_viewers(&host, &over));
+        }
+        match (preview, shown) {
+            (Some(preview), Some(camera)) => preview.beside(&avatar, &camera, perform),
+            _ => Ok(perform()),
+        }
+    })?;
     let settled = performed.as_ref().ok().and_then(|(_, settled)| *settled);
     let report = Report {
         motion: name,
@@ -242,6 +254,23 @@ pub(crate) fn perform(
     };
     performed?;
     Ok(report)
+}
+
+/// Tells the performer by how many they are seen, as it changes, until it is over.
+fn tell_of_viewers(host: &Sender, over: &AtomicBool) {
+    let (mut told, mut next) = (0, Instant::now());
+    while !over.load(Relaxed) {
+        let viewers = host.statistics().viewers;
+        if viewers != told && Instant::now() >= next {
+            match viewers {
+                0 => println!("nobody sees you any longer"),
+                1 => println!("one viewer sees you"),
+                _ => println!("{viewers} viewers see you"),
+            }
+            (told, next) = (viewers, Instant::now() + TOLD_APART);
+        }
+        std::thread::sleep(LOOK);
+    }
 }
 
 /// Where the motion comes from.
@@ -347,13 +376,20 @@ impl PersonOptions {
     }
 
     /// What is needed to enter a place as this person.
-    pub(crate) fn desk(&self, place: Place, avatar: &Path, rate_hz: f64) -> Desk {
+    pub(crate) fn desk(
+        &self,
+        place: Place,
+        avatar: &Path,
+        rate_hz: f64,
+        credentials: Credentials,
+    ) -> Desk {
         Desk {
             place,
             avatar: avatar.to_owned(),
             codec: self.codec,
             channel: self.channel,
             rate_hz,
+            credentials: Some(credentials),
         }
     }
 

@@ -1,14 +1,17 @@
 //! One sender, forwarded to more viewers than it would have itself: all get the same, also after it has come back.
 
+use crate::command::mon3tr;
 use crate::house::House;
 use crate::voice::write_wav;
+use identity::Keyring;
 use link_call::forward::Forwarder;
-use link_call::{CallEvent, Viewer};
+use link_call::{Authentication, CallEvent, Viewer};
 use link_codec::Codec;
 use link_http::Client;
 use link_playout::Clock;
 use link_protocol::RoomLink;
 use link_voice::VoiceQueue;
+use spmm3::Avatar;
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
 use test_support::service::LONGEST_WAIT;
@@ -64,6 +67,21 @@ fn an_audience_gets_the_same_motion_and_voice_also_after_the_sender_has_come_bac
     let house = House::open();
     let said = house.path("said.wav");
     write_wav(&said, link_voice::RATE, &syllables(1));
+    let avatar = house.avatar.to_str().expect("UTF-8");
+    mon3tr(&["keys", "sign", avatar]).succeeds();
+    let signer = Avatar::load(&house.avatar).expect("the package").signer;
+    let authentication = Authentication { own: None, signer };
+    // Both forwarders have this key.
+    let keys = Keyring::open(
+        house.path("forwarder.key").into(),
+        house.path("permits").into(),
+    )
+    .expect("a key");
+    let key = keys.identity().public().to_string();
+    let permit = mon3tr(&["keys", "allow", &key]).succeeds();
+    let permit = permit.split_once("keys accept ").expect("a permit").1;
+    keys.accept(&permit.parse().expect("a permit"))
+        .expect("kept");
     let sender = house.sender(&["--voice", &said]);
     let runtime = tokio::runtime::Runtime::new().expect("threads");
     let client = Client::new(None).expect("a client");
@@ -74,13 +92,26 @@ fn an_audience_gets_the_same_motion_and_voice_also_after_the_sender_has_come_bac
     let clock = Clock::start();
     // The other forwarder is a viewer, too.
     let most = VIEWERS + 1;
-    let forwarder = Forwarder::begin(client.clone(), source, room.sender, most, clock);
+    let forwarder = Forwarder::begin(
+        client.clone(),
+        source,
+        room.sender,
+        most,
+        Some(keys.clone()),
+        clock,
+    );
     let forwarder = runtime.block_on(forwarder).expect("the sender is there");
     let voices: Vec<VoiceQueue> = (0..VIEWERS).map(|_| VoiceQueue::default()).collect();
     let viewers: Vec<Viewer> = {
         let _network = runtime.enter();
         let join = |voice: &VoiceQueue| {
-            Viewer::join(client.clone(), room.viewer.clone(), clock, voice.clone())
+            Viewer::join(
+                client.clone(),
+                room.viewer.clone(),
+                authentication.clone(),
+                clock,
+                voice.clone(),
+            )
         };
         voices.iter().map(join).collect()
     };
@@ -88,7 +119,7 @@ fn an_audience_gets_the_same_motion_and_voice_also_after_the_sender_has_come_bac
     let opened = client.open_room(room.viewer.server(), &token, None);
     let further = runtime.block_on(opened).expect("another room");
     let link = room.viewer.clone();
-    let second = Forwarder::begin(client.clone(), link, further.sender, 2, clock);
+    let second = Forwarder::begin(client.clone(), link, further.sender, 2, Some(keys), clock);
     let second = runtime
         .block_on(second)
         .expect("the first forwarder is there");
@@ -96,7 +127,13 @@ fn an_audience_gets_the_same_motion_and_voice_also_after_the_sender_has_come_bac
         let _network = runtime.enter();
         let further = [(); 2].map(|()| {
             let voice = VoiceQueue::default();
-            Viewer::join(client.clone(), further.viewer.clone(), clock, voice)
+            Viewer::join(
+                client.clone(),
+                further.viewer.clone(),
+                authentication.clone(),
+                clock,
+                voice,
+            )
         });
         viewers.into_iter().chain(further).collect()
     };
@@ -112,7 +149,6 @@ fn an_audience_gets_the_same_motion_and_voice_also_after_the_sender_has_come_bac
     assert_eq!(forwarder.statistics().viewers, most);
     sender.program.kill();
     // Away for longer than a viewer takes a silent connection for a good one: the audience stays.
-    let avatar = house.avatar.to_str().expect("UTF-8");
     std::thread::sleep(Duration::from_secs(3));
     let again = house.send(&["--room", &sender.own, "--avatar", avatar]);
     for viewer in &viewers {
@@ -153,7 +189,13 @@ fn an_audience_gets_the_same_motion_and_voice_also_after_the_sender_has_come_bac
     // One too many is refused, and those who are there go on.
     let late = {
         let _network = runtime.enter();
-        Viewer::join(client, room.viewer, clock, VoiceQueue::default())
+        Viewer::join(
+            client,
+            room.viewer,
+            authentication.clone(),
+            clock,
+            VoiceQueue::default(),
+        )
     };
     std::thread::sleep(Duration::from_secs(2));
     assert_eq!(late.statistics().frames, 0, "there is no place");

@@ -2,7 +2,7 @@
 
 use crate::house::House;
 use crate::voice::write_wav;
-use link_call::{CallEvent, Viewer};
+use link_call::{Authentication, CallEvent, Viewer};
 use link_http::Client;
 use link_playout::Clock;
 use link_voice::{RATE, VoiceQueue};
@@ -62,7 +62,13 @@ fn observe(house: &House, link: &str) -> Observed {
     let mut player = voice.listen().expect("it can be decoded");
     let client = Client::new(None).expect("a client");
     let link = link.parse().expect("a room's link");
-    let viewer = Viewer::join(client, link, clock, voice.clone());
+    let viewer = Viewer::join(
+        client,
+        link,
+        Authentication::default(),
+        clock,
+        voice.clone(),
+    );
     let mut observed = Observed::default();
     let mut piece = [0.0; 480];
     let mut due = Instant::now();

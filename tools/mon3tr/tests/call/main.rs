@@ -11,6 +11,7 @@ mod demo;
 mod echo;
 mod headset;
 mod house;
+mod identity;
 mod interop;
 mod lips;
 mod nat;

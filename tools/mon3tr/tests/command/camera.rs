@@ -3,7 +3,7 @@
 use crate::house::House;
 use crate::support::{Outcome, command, mon3tr};
 use glam::{DVec3, Vec3};
-use link_call::{CallEvent, Viewer};
+use link_call::{Authentication, CallEvent, Viewer};
 use link_http::Client;
 use link_playout::Clock;
 use link_voice::VoiceQueue;
@@ -160,7 +160,13 @@ fn received(house: &House, link: &str) -> Vec<MotionParams> {
     let _entered = house.runtime.enter();
     let client = Client::new(None).expect("a client");
     let link = link.parse().expect("a room's link");
-    let viewer = Viewer::join(client, link, Clock::start(), VoiceQueue::default());
+    let viewer = Viewer::join(
+        client,
+        link,
+        Authentication::default(),
+        Clock::start(),
+        VoiceQueue::default(),
+    );
     let (mut arrived, began) = (Vec::new(), Instant::now());
     while arrived.len() < ARRIVE {
         assert!(began.elapsed() < LONGEST, "{} motions came", arrived.len());

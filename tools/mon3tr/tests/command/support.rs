@@ -17,6 +17,8 @@ pub(crate) struct Outcome {
 pub(crate) fn command(arguments: &[&str]) -> Command {
     let mut command = through_runner(crate::PROGRAM);
     command.args(arguments);
+    // Not of whoever runs the tests.
+    command.env("MON3TR_KEY", concat!(env!("CARGO_TARGET_TMPDIR"), "/key"));
     command
 }
 

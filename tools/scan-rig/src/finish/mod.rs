@@ -161,6 +161,7 @@ pub fn avatar(material: &Material<'_>, options: &FinishOptions) -> Result<Finish
             deform_graph,
             pose_range: None,
             compiled: Vec::new(),
+            signer: None,
             report: serde_json::Value::Null,
         },
     })

@@ -113,6 +113,7 @@ impl Ablation {
             deform_graph: graph.to_onnx(GraphParts::Whole)?,
             // What was compiled holds the parts that are off.
             compiled: Vec::new(),
+            signer: None,
             controllers,
             ..avatar
         })

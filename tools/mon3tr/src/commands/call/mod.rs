@@ -4,6 +4,7 @@ use crate::commands::receive::people::{Arrival, Person, fetch};
 use crate::commands::{receive, send};
 use crate::controls::{Controls, Guests, KEYS};
 use crate::device_options::DeviceOptions;
+use crate::keys;
 use crate::network::{self, Line};
 use crate::remembered::Remembered;
 use crate::report::{check_writable, write_json};
@@ -13,14 +14,15 @@ use anyhow::{Context, anyhow};
 use app_session::call::CallWatch;
 use app_session::own_motion::OwnMotion;
 use app_session::participant::{NetworkContext, Origin, Participant};
-use call_member::{Members, Roster, RosterFigures, SetAtEnd};
+use call_member::{Acquaintances, Members, Roster, RosterFigures, SetAtEnd};
 use link_protocol::limits::MAX_PEOPLE;
 use link_protocol::{Announcement, CallLink, PersonName, RoomLink};
 use link_voice::VoiceQueue;
 use motion_fit::wearer::Stance;
-use sender::Place;
+use sender::{Place, new_secret};
 use serde::Serialize;
 use std::path::PathBuf;
+use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -110,15 +112,19 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         None => send::Performer::open(&person, &avatar, None, device)?,
     };
     performer.mirror(&own);
+    let credentials = keys::of_sender(&performer.avatar)?;
     let link = match &given {
         Some(link) => link.clone(),
-        None => options.open_call(&line)?,
+        None => options
+            .open_call(&line)?
+            .with_key(credentials.key().hash())
+            .with_secret(new_secret()?),
     };
     let place = Place::Call {
         link: link.clone(),
         name: me.name.clone(),
     };
-    let desk = person.desk(place, &avatar, performer.rate_hz);
+    let desk = person.desk(place, &avatar, performer.rate_hz, credentials.clone());
     let entered = send::enter(&desk, &line)?;
     me.keep();
     let seated = Instant::now();
@@ -149,6 +155,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let context = NetworkContext {
         network: line.network.handle(),
         client: line.client.clone(),
+        own: Some(credentials),
         clock: line.clock,
     };
     let roster = Roster {
@@ -156,6 +163,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         own: entered.host.venue(),
         voices: voices.clone(),
         members: members.clone(),
+        acquaintances: Acquaintances::open(keys::people_met()?),
         offers: entered.host.offers(),
         longest: options.seconds,
         network: &context,
@@ -193,8 +201,9 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         });
         let figures = scope.spawn(|| {
             let _over = SetAtEnd(&line.stop);
-            let fetched = |room: &RoomLink, announced: &Announcement| {
-                let fetched = fetch(&line.network, &line.client, room, announced, &line.stop)?;
+            let fetched = |room: &RoomLink, announced: &Announcement, watch: &CallWatch| {
+                let is_over = || line.stop.load(Relaxed) || watch.is_over();
+                let fetched = fetch(&line.network, &line.client, room, announced, &is_over)?;
                 fetched
                     .map(|(path, download)| Ok((load_avatar(&path)?, download)))
                     .transpose()
@@ -224,11 +233,9 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         });
         let shown = {
             let _over = SetAtEnd(&line.stop);
+            let _unworn = wearer.as_ref().map(|slot| slot.close_at_end());
             screen.show_call(&show, own, guests, &line.stop)
         };
-        if let Some(wearer) = &wearer {
-            wearer.close();
-        }
         (sent.join(), shown, figures.join())
     });
     let figures = figures.map_err(|_| anyhow!("the thread of the roster has failed"))?;

@@ -62,6 +62,7 @@ impl Room {
             context: NetworkContext {
                 network: network.handle(),
                 client,
+                own: None,
                 clock: Clock::start(),
             },
             _network: network,

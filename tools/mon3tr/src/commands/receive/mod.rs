@@ -11,6 +11,7 @@ pub(crate) use people::wait_for_sender;
 
 use crate::device_options::DeviceOptions;
 use crate::gaze::GazeChoice;
+use crate::keys;
 use crate::lanes::LaneChoices;
 use crate::network::{self, Line};
 use crate::report::{check_writable, write_json};
@@ -145,9 +146,13 @@ fn show(
     mut screen: Screen,
     line: &Line,
 ) -> anyhow::Result<(Option<Report>, anyhow::Result<()>)> {
+    for room in &options.rooms {
+        network::warn_if_unprotected(room.server());
+    }
     let context = NetworkContext {
         network: line.network.handle(),
         client: line.client.clone(),
+        own: keys::of_viewer(),
         clock: line.clock,
     };
     // Of the people, in the order of their rooms; they stay the same where one comes back.

@@ -45,8 +45,13 @@ fn follow(person: &Participant, until: &Until) -> Option<CallReport> {
     else {
         return None;
     };
-    let skeleton = &person.avatar.skeleton;
-    let mut call = network.join(link, *announced, skeleton, voice.clone(), watch.clone());
+    let mut call = network.join(
+        link,
+        *announced,
+        &person.avatar,
+        voice.clone(),
+        watch.clone(),
+    );
     while !until.is_over(0) && !call.is_over() {
         call.wait(LOOK);
     }

@@ -3,6 +3,7 @@
 mod report;
 
 use crate::device_options::{DeviceOptions, cache, make_folder, makehuman, networks};
+use crate::keys;
 use crate::progress;
 use crate::report::{check_writable, write_json};
 use crate::scenery::{check_file, load_drawable};
@@ -252,6 +253,8 @@ fn rig_to(
     }
     check_writable(out)?;
     let began = Instant::now();
+    // Before minutes of work.
+    let keyring = keys::open()?;
     let settings = choices.settings(scan)?;
     let mut networks = Networks::open(Some(&networks()?))?;
     let mut sight = Sight::on(device.gpu()?);
@@ -274,7 +277,7 @@ fn rig_to(
     rigged.avatar.report = serde_json::to_value(&rigged.report)?;
     let package_bytes = rigged
         .avatar
-        .save(out)
+        .save_signed(out, keyring.identity())
         .with_context(|| format!("cannot write {}", out.display()))?;
     let figures = RigFigures {
         scan: scan.to_path_buf(),

@@ -4,7 +4,7 @@ use super::viewer::monado;
 use crate::both_ways::{host, prepare};
 use crate::house::{House, Program, wait_for};
 use glam::{Mat3, Quat, Vec3};
-use link_call::{CallEvent, Viewer};
+use link_call::{Authentication, CallEvent, Viewer};
 use link_http::Client;
 use link_playout::Clock;
 use link_protocol::RoomLink;
@@ -186,7 +186,13 @@ fn a_wearers_head_and_wrists_are_where_the_script_put_them_in_the_motion_that_ot
         let client = Client::new(None).expect("a client");
         let link = seat(&house, &client, &call);
         let entered = house.runtime.enter();
-        let viewer = Viewer::join(client, link, Clock::start(), VoiceQueue::default());
+        let viewer = Viewer::join(
+            client,
+            link,
+            Authentication::default(),
+            Clock::start(),
+            VoiceQueue::default(),
+        );
         drop(entered);
         let mut worst = [0.0f32; 3];
         for (number, moment) in moments.iter().enumerate() {
