@@ -51,6 +51,18 @@ impl PublicKey {
         groups.join("-")
     }
 
+    /// The key in `signed`, `KEY SIGNATURE` as [`crate::Identity::sign_as_text`] has it, which signed `text` for `purpose`.
+    ///
+    /// # Errors
+    /// [`IdentityError::Malformed`], [`IdentityError::WrongSignature`].
+    pub fn of_signed(signed: &str, purpose: Purpose, text: &[u8]) -> Result<Self, IdentityError> {
+        let words = signed.split_once(' ');
+        let (key, signature) = words.ok_or(IdentityError::Malformed("a key and its signature"))?;
+        let key: Self = key.parse()?;
+        key.verify(purpose, text, &signature.parse()?)?;
+        Ok(key)
+    }
+
     /// Checks that this key signed `text` for `purpose`.
     ///
     /// # Errors

@@ -1,7 +1,6 @@
 //! What a machine's user is known by: one's own key, and the permits of others' avatars.
 
-use crate::{Identity, IdentityError, Permit};
-use std::io::{ErrorKind, Read, Write};
+use crate::{Identity, IdentityError, LineFile, Permit};
 use std::path::{Path, PathBuf};
 
 /// Bytes of the permits' file, at most: some 300 of them.
@@ -11,7 +10,7 @@ const MOST: u64 = 64 << 10;
 #[derive(Debug, Clone)]
 pub struct Keyring {
     key: PathBuf,
-    permits: PathBuf,
+    permits: LineFile,
     identity: Identity,
 }
 
@@ -24,7 +23,7 @@ impl Keyring {
         let identity = Identity::open(&key)?;
         Ok(Self {
             key,
-            permits,
+            permits: LineFile::new(permits, MOST),
             identity,
         })
     }
@@ -46,15 +45,10 @@ impl Keyring {
     /// # Errors
     /// If they cannot be read.
     pub fn permits(&self) -> Result<Vec<Permit>, IdentityError> {
-        let mut text = String::new();
-        match std::fs::File::open(&self.permits) {
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
-            opened => opened
-                .and_then(|opened| opened.take(MOST).read_to_string(&mut text))
-                .map_err(|source| self.failed("read", source))?,
-        };
-        let lines = text.lines().filter(|line| !line.trim().is_empty());
-        lines.map(str::parse).collect()
+        let lines = self.permits.read();
+        let lines = lines.map_err(|source| self.failed("read", source))?;
+        let lines = lines.iter().filter(|line| !line.trim().is_empty());
+        lines.map(|line| line.parse()).collect()
     }
 
     /// Keeps a permit, in the place of a former one by the same owner.
@@ -65,21 +59,14 @@ impl Keyring {
         let mut permits = self.permits()?;
         permits.retain(|other| (other.owner(), other.key()) != (permit.owner(), permit.key()));
         permits.push(*permit);
-        let text: String = permits.iter().map(|permit| format!("{permit}\n")).collect();
-        let folder = self.permits.parent().unwrap_or(Path::new("."));
-        let write = || {
-            let mut partial = tempfile::NamedTempFile::new_in(folder)?;
-            partial.write_all(text.as_bytes())?;
-            partial.persist(&self.permits)?;
-            Ok(())
-        };
-        write().map_err(|source| self.failed("write", source))
+        let written = self.permits.write(&permits);
+        written.map_err(|source| self.failed("write", source))
     }
 
     fn failed(&self, action: &'static str, source: std::io::Error) -> IdentityError {
         IdentityError::File {
             action,
-            path: self.permits.clone(),
+            path: self.permits.path().to_owned(),
             source,
         }
     }

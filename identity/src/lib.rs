@@ -20,6 +20,7 @@
 mod error;
 mod key;
 mod keyring;
+mod line_file;
 mod permit;
 mod secret;
 mod signature;
@@ -27,6 +28,7 @@ mod signature;
 pub use error::IdentityError;
 pub use key::{KeyHash, PublicKey};
 pub use keyring::Keyring;
+pub use line_file::LineFile;
 pub use permit::Permit;
 pub use secret::Identity;
 pub use signature::{Purpose, Signature};

@@ -80,6 +80,12 @@ impl Identity {
         self.public
     }
 
+    /// `KEY SIGNATURE`: this key, and its signature of `text` for `purpose`.
+    #[must_use]
+    pub fn sign_as_text(&self, purpose: Purpose, text: &[u8]) -> String {
+        format!("{} {}", self.public, self.sign(purpose, text))
+    }
+
     /// Signs `text` for `purpose`; the same text gets the same signature.
     #[must_use]
     pub fn sign(&self, purpose: Purpose, text: &[u8]) -> Signature {

@@ -1,7 +1,7 @@
 //! The servers that the wearer has agreed to go to, a line each.
 
+use identity::LineFile;
 use link_protocol::room_link::ServerUrl;
-use std::io::{ErrorKind, Read, Write};
 use std::path::PathBuf;
 
 /// Servers that are kept, the newest.
@@ -11,11 +11,11 @@ const MOST_BYTES: u64 = 256 << 10;
 
 /// The file of them, in the folder that no other app can read.
 #[derive(Debug, Clone)]
-pub struct KnownServers(PathBuf);
+pub struct KnownServers(LineFile);
 
 impl KnownServers {
     pub(super) fn new(file: PathBuf) -> Self {
-        Self(file)
+        Self(LineFile::new(file, MOST_BYTES))
     }
 
     /// Whether this one is among them: by scheme, host, port and path, for each may lead to someone else.
@@ -32,30 +32,16 @@ impl KnownServers {
         let mut lines = self.lines();
         lines.push(server.to_string());
         let newest = lines.len().saturating_sub(MOST);
-        let text: String = lines
-            .iter()
-            .skip(newest)
-            .map(|line| format!("{line}\n"))
-            .collect();
-        let folder = self.0.parent().unwrap_or(std::path::Path::new("."));
-        let mut partial = tempfile::NamedTempFile::new_in(folder)?;
-        partial.write_all(text.as_bytes())?;
-        partial.persist(&self.0)?;
-        Ok(())
+        self.0.write(lines.iter().skip(newest))
     }
 
     fn lines(&self) -> Vec<String> {
-        let mut text = String::new();
-        let read = std::fs::File::open(&self.0)
-            .and_then(|file| file.take(MOST_BYTES).read_to_string(&mut text));
-        if let Err(error) = read
-            && error.kind() != ErrorKind::NotFound
-        {
+        self.0.read().unwrap_or_else(|error| {
             log::warn!(
                 "which servers are known cannot be read ({error}): each is asked about again"
             );
-        }
-        text.lines().map(str::to_owned).collect()
+            Vec::new()
+        })
     }
 }
 

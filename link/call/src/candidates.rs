@@ -61,8 +61,8 @@ fn is_private(ip: IpAddr) -> bool {
     }
 }
 
-/// Whether all these addresses are of the machine's loopback.
-pub(crate) fn are_loopback(addresses: &[SocketAddr]) -> bool {
+/// Whether one of these addresses is of the machine's loopback.
+pub(crate) fn has_loopback(addresses: &[SocketAddr]) -> bool {
     addresses.iter().any(|address| address.ip().is_loopback())
 }
 

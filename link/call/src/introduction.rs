@@ -6,7 +6,8 @@
 
 use crate::CallError;
 use data_encoding::BASE64URL_NOPAD;
-use identity::{Identity, IdentityError, Keyring, Permit, PublicKey, Purpose, Signature};
+use identity::{Identity, IdentityError, Keyring, Permit, PublicKey, Purpose};
+use link_http::Client;
 use link_protocol::{LinkSecret, Name, PackageId, RoomLink};
 use ring::hmac;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -17,7 +18,7 @@ const KEY_LINE: &str = "a=mon3tr-key:";
 const PERMIT_LINE: &str = "a=mon3tr-permit:";
 
 /// What a sender answers a viewer that it does not take.
-pub(crate) const REFUSAL: &str = "v=0\r\na=mon3tr-refused:link\r\n";
+const REFUSAL: &str = "v=0\r\na=mon3tr-refused:link\r\n";
 const REFUSED_LINE: &str = "a=mon3tr-refused:";
 
 /// Certificates of one side, at most; WebRTC has one.
@@ -50,10 +51,7 @@ impl Credentials {
         permits: &[Permit],
     ) -> Result<Self, CallError> {
         let key = identity.public();
-        let holds = |permit: &&Permit| {
-            permit.key() == key && Some(permit.owner()) == signer && permit.check(now()).is_ok()
-        };
-        let permit = permits.iter().find(holds).copied();
+        let permit = holding(permits, key).find(|permit| Some(permit.owner()) == signer);
         Introduced { key, permit }.check_avatar(signer)?;
         Ok(Self { identity, permit })
     }
@@ -66,13 +64,11 @@ impl Credentials {
         sender: Option<PublicKey>,
     ) -> Self {
         let identity = keys.identity().clone();
-        let key = identity.public();
-        let holds = |permit: &&Permit| permit.key() == key && permit.check(now()).is_ok();
-        let mut holding = permits.iter().filter(holds);
+        let mut holding = holding(permits, identity.public());
         let theirs = holding
             .clone()
             .find(|permit| Some(permit.owner()) == sender);
-        let permit = theirs.or_else(|| holding.next()).copied();
+        let permit = theirs.or_else(|| holding.next());
         Self { identity, permit }
     }
 
@@ -84,13 +80,19 @@ impl Credentials {
 
     /// The lines of this key.
     fn lines(&self, purpose: Purpose, text: &str) -> String {
-        let signature = self.identity.sign(purpose, text.as_bytes());
-        let key = format!("{KEY_LINE}{} {signature}\r\n", self.key());
+        let signed = self.identity.sign_as_text(purpose, text.as_bytes());
+        let key = format!("{KEY_LINE}{signed}\r\n");
         match self.permit.filter(|_| purpose == Purpose::Sender) {
             Some(permit) => format!("{key}{PERMIT_LINE}{permit}\r\n"),
             None => key,
         }
     }
+}
+
+/// Those of `permits` that are for `key` and hold now.
+fn holding(permits: &[Permit], key: PublicKey) -> impl Iterator<Item = Permit> + Clone {
+    let holds = move |permit: &Permit| permit.key() == key && permit.check(now()).is_ok();
+    permits.iter().copied().filter(holds)
 }
 
 /// The sender's answer to `offer`, in which it shows its key, if it has one to show, and that it has the link.
@@ -194,8 +196,21 @@ impl Authentication {
     }
 }
 
-/// Takes a viewer with the room's link, or does not. Who it is, where it says so.
-pub(crate) fn check_viewer(room: &RoomLink, offer: &str) -> Result<Option<PublicKey>, CallError> {
+/// Takes the viewer of this session, who has the room's link; or answers that it is not taken. Who it is, where it says so.
+pub(crate) async fn admit_viewer(
+    client: &Client,
+    room: &RoomLink,
+    session: &Name,
+    offer: &str,
+) -> Result<Option<PublicKey>, CallError> {
+    let checked = check_viewer(room, offer);
+    if checked.is_err() {
+        client.answer(room, session, REFUSAL).await?;
+    }
+    checked
+}
+
+fn check_viewer(room: &RoomLink, offer: &str) -> Result<Option<PublicKey>, CallError> {
     let text = of_viewer(room.room(), offer)?;
     check_link(room, Purpose::Viewer, &text, offer)?;
     let viewer = Introduced::read(offer, Purpose::Viewer, &text)?;
@@ -214,11 +229,7 @@ impl Introduced {
         let Some(line) = only(sdp, KEY_LINE)? else {
             return Ok(None);
         };
-        let (key, signature) = line
-            .split_once(' ')
-            .ok_or(IdentityError::Malformed("a key and its signature"))?;
-        let (key, signature): (PublicKey, Signature) = (key.parse()?, signature.parse()?);
-        key.verify(purpose, text.as_bytes(), &signature)?;
+        let key = PublicKey::of_signed(line, purpose, text.as_bytes())?;
         let permit = only(sdp, PERMIT_LINE)?;
         let permit = permit.map(str::parse::<Permit>).transpose()?;
         Ok(Some(Self { key, permit }))

@@ -180,7 +180,7 @@ impl Peer {
         mode: ChannelMode,
         offer: String,
     ) -> Result<(Self, String), CallError> {
-        let is_local = candidates::are_loopback(&plan.local);
+        let is_local = candidates::has_loopback(&plan.local);
         let offer = candidates::screened(&offer, is_local);
         let mdns = mdns_for(&offer);
         let mut peer = Self::new(plan, mode, MOTION_CHANNEL, FEEDBACK_CHANNEL, mdns).await?;
@@ -225,7 +225,7 @@ impl Peer {
             // server, the viewer is both.
             .with_answering_dtls_role(RTCDtlsRole::Server)
             .build();
-        let is_local = candidates::are_loopback(&plan.local);
+        let is_local = candidates::has_loopback(&plan.local);
         let (fail, failed) = watch::channel(false);
         let (gather, gathered) = watch::channel(Gathered::default());
         let servers: Vec<RTCIceServer> = plan

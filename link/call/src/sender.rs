@@ -464,14 +464,7 @@ async fn serve_viewer(
         .plan(room.server(), &shared.ice_servers)
         .await;
     let relay = plan.relay.clone();
-    let viewer = match introduction::check_viewer(&room, &offer) {
-        Ok(viewer) => viewer,
-        Err(why) => {
-            let refusal = introduction::REFUSAL;
-            shared.client.answer(&room, name, refusal).await?;
-            return Err(why);
-        }
-    };
+    let viewer = introduction::admit_viewer(&shared.client, &room, name, &offer).await?;
     let (mut peer, answer) = Peer::answer(plan, shared.channel, offer.clone()).await?;
     let own = shared.credentials.as_ref();
     let answer = introduction::introduce_sender(own, &room, shared.avatar, &offer, &answer)?;

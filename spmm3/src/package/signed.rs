@@ -2,7 +2,7 @@
 
 use super::PackageError;
 use super::archive::Archive;
-use identity::{Identity, IdentityError, PublicKey, Purpose, Signature};
+use identity::{Identity, IdentityError, PublicKey, Purpose};
 use std::io::{Read, Seek};
 
 /// Name of the signature's member. Its text is `KEY SIGNATURE`.
@@ -13,8 +13,8 @@ const MAX_SIGNATURE: u64 = 256;
 
 /// The member for a package with this manifest.
 pub(super) fn pack(signer: &Identity, manifest: &[u8]) -> Vec<u8> {
-    let signature = signer.sign(Purpose::Package, manifest);
-    format!("{} {signature}\n", signer.public()).into_bytes()
+    let signed = signer.sign_as_text(Purpose::Package, manifest);
+    format!("{signed}\n").into_bytes()
 }
 
 /// Who signed the manifest, if anyone did.
@@ -32,11 +32,6 @@ pub(super) fn signer<R: Read + Seek>(
 }
 
 fn checked(text: &[u8], manifest: &[u8]) -> Result<PublicKey, IdentityError> {
-    let words = str::from_utf8(text)
-        .ok()
-        .and_then(|text| text.trim_end().split_once(' '))
-        .ok_or(IdentityError::Malformed("a key and its signature"))?;
-    let (key, signature): (PublicKey, Signature) = (words.0.parse()?, words.1.parse()?);
-    key.verify(Purpose::Package, manifest, &signature)?;
-    Ok(key)
+    let text = str::from_utf8(text).map_err(|_| IdentityError::Malformed("a text"))?;
+    PublicKey::of_signed(text.trim_end(), Purpose::Package, manifest)
 }

@@ -1,9 +1,8 @@
 //! The people whom this side has met in calls, by their keys: anyone may take a name, but nobody another one's key.
 
-use identity::PublicKey;
+use identity::{LineFile, PublicKey};
 use link_protocol::PersonName;
-use std::io::{ErrorKind, Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// People that are kept, those met first go first.
 const MOST: usize = 1000;
@@ -13,7 +12,7 @@ const MOST_BYTES: u64 = 1 << 20;
 /// Whom this side has met; kept in a file where there is one, a line `KEY NAME` each.
 #[derive(Debug, Default)]
 pub struct Acquaintances {
-    file: Option<PathBuf>,
+    file: Option<LineFile>,
     met: Vec<(PublicKey, PersonName)>,
 }
 
@@ -37,24 +36,19 @@ impl Acquaintances {
     /// Those in `file`, which need not be there. That it cannot be read is told: they are all new then.
     #[must_use]
     pub fn open(file: PathBuf) -> Self {
-        let mut text = String::new();
-        let read = std::fs::File::open(&file)
-            .and_then(|opened| opened.take(MOST_BYTES).read_to_string(&mut text));
-        if let Err(error) = read
-            && error.kind() != ErrorKind::NotFound
-        {
-            log::warn!(
-                "whom you have met cannot be read from {}: {error}",
-                file.display()
-            );
-        }
+        let file = LineFile::new(file, MOST_BYTES);
+        let lines = file.read().unwrap_or_else(|error| {
+            let path = file.path().display();
+            log::warn!("whom you have met cannot be read from {path}: {error}");
+            Vec::new()
+        });
         let line = |line: &str| {
             let (key, name) = line.split_once(' ')?;
             Some((key.parse().ok()?, name.parse().ok()?))
         };
         Self {
+            met: lines.iter().filter_map(|text| line(text)).collect(),
             file: Some(file),
-            met: text.lines().filter_map(line).collect(),
         }
     }
 
@@ -76,25 +70,14 @@ impl Acquaintances {
             self.met.remove(0);
         }
         self.met.push((key, name.clone()));
-        if let Some(file) = &self.file
-            && let Err(error) = self.write(file)
-        {
-            log::warn!(
-                "that you have met {name} cannot be kept in {}: {error}",
-                file.display()
-            );
+        if let Some(file) = &self.file {
+            let lines = self.met.iter().map(|(key, name)| format!("{key} {name}"));
+            if let Err(error) = file.write(lines) {
+                let path = file.path().display();
+                log::warn!("that you have met {name} cannot be kept in {path}: {error}");
+            }
         }
         Meeting::New
-    }
-
-    fn write(&self, file: &Path) -> std::io::Result<()> {
-        let lines = self.met.iter().map(|(key, name)| format!("{key} {name}\n"));
-        let text: String = lines.collect();
-        let folder = file.parent().unwrap_or(Path::new("."));
-        let mut partial = tempfile::NamedTempFile::new_in(folder)?;
-        partial.write_all(text.as_bytes())?;
-        partial.persist(file)?;
-        Ok(())
     }
 }
 

@@ -96,11 +96,7 @@ async fn serve(
     let server = stage.audience.server();
     let plan = stage.planner.plan(server, &stage.ice_servers).await;
     let room = &stage.audience;
-    if let Err(why) = introduction::check_viewer(room, &offer) {
-        let refusal = introduction::REFUSAL;
-        stage.client.answer(room, session, refusal).await?;
-        return Err(why);
-    }
+    introduction::admit_viewer(&stage.client, room, session, &offer).await?;
     let announced = *stage.announced.borrow();
     let own = stage
         .keys
