@@ -4,6 +4,7 @@ mod acquaintances;
 mod members;
 mod perform;
 mod roster;
+mod seats;
 mod voices;
 mod wearer;
 

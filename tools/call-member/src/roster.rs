@@ -2,6 +2,7 @@
 
 use crate::acquaintances::{Acquaintances, Meeting};
 use crate::members::{Member, Members};
+use crate::seats::{FORGIVEN, FORGOTTEN, Known, Seats, note_trouble};
 use anyhow::Context;
 use app_session::call::CallWatch;
 use app_session::participant::NetworkContext;
@@ -11,9 +12,8 @@ use link_http::HttpError;
 use link_protocol::calls::{CallStatus, Seat, Taken};
 use link_protocol::data_channel::PersonState;
 use link_protocol::limits::MAX_PEOPLE;
-use link_protocol::{Announcement, CallLink, Name, PersonName, RoomLink};
+use link_protocol::{Announcement, CallLink, Name, RoomLink};
 use link_voice::VoiceQueue;
-use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -32,15 +32,6 @@ const SILENCE: Duration = Duration::from_secs(5);
 
 /// After a goodbye the seat may seem taken for so long.
 const FAREWELL: Duration = Duration::from_secs(3);
-
-/// From the first failure of a person to be shown until whoever sits there is tried again once more, and the longest pause there is: each doubles the one
-/// before.
-const AGAIN: Duration = Duration::from_secs(3);
-const AGAIN_MOST: Duration = Duration::from_secs(60);
-
-/// A seat in which someone stayed for so long, or nothing failed for so long, has no trouble any more.
-const FORGIVEN: Duration = Duration::from_secs(60);
-const FORGOTTEN: Duration = Duration::from_secs(300);
 
 /// Changes of a person's state are told so far apart, at least; the last one is.
 const TOLD_APART: Duration = Duration::from_secs(2);
@@ -90,43 +81,6 @@ pub struct Guest<A> {
     pub voice: VoiceQueue,
     /// What is counted and told of the call with them.
     pub watch: CallWatch,
-}
-
-/// What is known of a taken seat.
-struct Known {
-    name: String,
-    taken: Taken,
-    watch: CallWatch,
-    /// When they were handed over.
-    joined: Option<Instant>,
-    /// Whether it was told who they are by their key.
-    is_introduced: bool,
-    /// What was told last, and when.
-    state: (PersonState, Option<Instant>),
-    /// When bytes came last, and how many there were.
-    heard: (Instant, u64),
-    /// Whether the server shows the seat as theirs.
-    is_seated: bool,
-    /// Since when the call with them is over.
-    over: Option<Instant>,
-}
-
-/// The people of the call by their seats, and those who could not be shown.
-#[derive(Default)]
-struct Seats {
-    known: HashMap<Name, Known>,
-    /// Of which an avatar is being fetched. It may be for one who has left: nothing else is fetched until that ends.
-    fetching: HashSet<Name>,
-    troubles: HashMap<Name, Trouble>,
-}
-
-/// Of a seat that stayed taken while the call with who sat there was over: the avatar does not load, or there is no room for it. Whoever comes next
-/// has to wait, too, for it may be the same one under another name.
-struct Trouble {
-    times: u32,
-    last: Instant,
-    /// When to try again.
-    again: Instant,
 }
 
 /// A newcomer whose avatar is to be fetched.
@@ -322,20 +276,8 @@ impl Roster<'_> {
             let name = seats.name(taken, number);
             let watch = CallWatch::default();
             log::info!("{name} is in the call: fetching their avatar");
-            seats.known.insert(
-                seat.room.clone(),
-                Known {
-                    name,
-                    taken: taken.clone(),
-                    watch: watch.clone(),
-                    joined: None,
-                    is_introduced: false,
-                    state: (PersonState::default(), None),
-                    heard: (Instant::now(), 0),
-                    is_seated: true,
-                    over: None,
-                },
-            );
+            let known = Known::new(name, taken.clone(), watch.clone());
+            seats.known.insert(seat.room.clone(), known);
             arrivals.push(Newcomer {
                 seat: seat.room.clone(),
                 taken: taken.clone(),
@@ -477,44 +419,6 @@ impl Roster<'_> {
     }
 }
 
-/// Has a person who sits there and could not be shown wait, the longer the more often it happened.
-fn note_trouble(troubles: &mut HashMap<Name, Trouble>, seat: &Name, now: Instant) {
-    let before = troubles.get(seat);
-    let times = before.map_or(0, |trouble| trouble.times.saturating_add(1));
-    // The first time they may just have come back at once.
-    let pause = match times {
-        0 => Duration::ZERO,
-        _ => (AGAIN * 2u32.saturating_pow(times - 1)).min(AGAIN_MOST),
-    };
-    let trouble = Trouble {
-        times,
-        last: now,
-        again: now + pause,
-    };
-    troubles.insert(seat.clone(), trouble);
-}
-
-impl Seats {
-    /// What a newcomer in the seat of this number is called: as they say, unless that looks like what another one is called, or may be called.
-    fn name(&self, taken: &Taken, number: usize) -> String {
-        let seat = format!("person {}", number + 1);
-        let Some(name) = &taken.person else {
-            return seat;
-        };
-        let seen = name.as_seen();
-        let names = self
-            .known
-            .values()
-            .filter_map(|other| other.taken.person.as_ref());
-        let is_taken = names.map(PersonName::as_seen).any(|other| other == seen);
-        if is_taken || seen.contains("person") {
-            format!("{name} ({seat})")
-        } else {
-            name.to_string()
-        }
-    }
-}
-
 /// What has changed of a person, a line each.
 fn told(name: &str, before: PersonState, now: PersonState) -> Vec<String> {
     let change = |was: bool, is: bool, begun: &str, ended: &str| {
@@ -550,66 +454,5 @@ mod tests {
             told("Ada", both, plain),
             ["Ada is no longer muted", "Ada is seen again"]
         );
-    }
-
-    #[test]
-    fn who_cannot_be_shown_is_tried_again_ever_more_rarely() {
-        let mut troubles = HashMap::new();
-        let seat = Name::of_id([1; 16]);
-        let begun = Instant::now();
-        let pauses: Vec<u64> = (0..7)
-            .map(|_| {
-                note_trouble(&mut troubles, &seat, begun);
-                troubles[&seat].again.duration_since(begun).as_secs()
-            })
-            .collect();
-        assert_eq!(pauses, [0, 3, 6, 12, 24, 48, 60]);
-        let other = Name::of_id([2; 16]);
-        note_trouble(&mut troubles, &other, begun);
-        assert_eq!(troubles[&other].times, 0, "of each seat by itself");
-    }
-
-    #[test]
-    fn nobody_is_called_as_another_one_is_or_may_be() {
-        let taken = |name: Option<&str>| {
-            Taken {
-            announcement: serde_json::from_str(
-                r#"{"avatar": {"sha256": "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad", "bytes": 3},
-                "channel": "unreliable", "codec": "compact", "rate_hz": 30.0}"#,
-            )
-            .expect("an announcement"),
-            person: name.map(|name| name.parse().expect("a name")),
-        }
-        };
-        let mut seats = Seats::default();
-        let mut call = |number: u8, name: Option<&str>| {
-            let taken = taken(name);
-            let name = seats.name(&taken, usize::from(number));
-            let known = Known {
-                name: name.clone(),
-                taken,
-                watch: CallWatch::default(),
-                joined: None,
-                is_introduced: false,
-                state: (PersonState::default(), None),
-                heard: (Instant::now(), 0),
-                is_seated: true,
-                over: None,
-            };
-            seats.known.insert(Name::of_id([number; 16]), known);
-            name
-        };
-        let names = [
-            (None, "person 1"),
-            (Some("Ada"), "Ada"),
-            (Some("ADA"), "ADA (person 3)"),
-            (Some("Person 1"), "Person 1 (person 4)"),
-            (Some("Ada (person 2)"), "Ada (person 2) (person 5)"),
-            (Some("李白"), "李白"),
-            (Some("李\u{fe00}白"), "李\u{fe00}白 (person 7)"),
-        ];
-        for (number, (name, called)) in (0..).zip(names) {
-            assert_eq!(call(number, name), called);
-        }
     }
 }
