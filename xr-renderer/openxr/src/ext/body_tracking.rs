@@ -132,7 +132,11 @@ impl BodyTracking {
                     self.t_pose = t_pose;
                     self.t_pose_of = Some(locations.skeleton_changed_count);
                 }
-                Err(why) => log::debug!("without the body's T-pose so far: {why}"),
+                Err(why) => {
+                    // The former one is of a body that is no longer tracked.
+                    self.t_pose = [None; BODY_JOINTS];
+                    log::debug!("without the body's T-pose so far: {why}");
+                }
             }
         }
         let mut joints = [None; BODY_JOINTS];

@@ -379,6 +379,13 @@ fn the_t_pose_is_asked_for_again_when_it_changed() {
         body.joints.iter().all(Option::is_some),
         "but the joints are"
     );
+    let failed = asked(&scene);
+    scene.locate();
+    assert_eq!(
+        asked(&scene),
+        failed + 1,
+        "and asked for with the next frame"
+    );
 }
 
 #[test]

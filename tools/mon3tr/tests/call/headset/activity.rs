@@ -9,6 +9,7 @@ use android_app::launch::Launch;
 use android_app::lifecycle::{Driver, Event};
 use android_app::receiver::{Device, HeadsetReceiver, RecordingPermission};
 use android_app::storage::Folders;
+use link_protocol::RoomLink;
 use renderer_openxr::runtime::Runtime;
 use std::io::{BufRead, Write};
 use std::path::Path;
@@ -42,6 +43,12 @@ struct Activity {
 
 impl Activity {
     fn make(house: &House, monado: &Monado, folder: &Path, task: Option<(&str, &str)>) -> Self {
+        if let Some((ROOM, link)) = task {
+            // Who wears it has been there: nothing is asked.
+            let link: RoomLink = link.parse().expect("a link");
+            let known = Folders::new(folder, folder).servers();
+            known.add(link.server()).expect("it is kept");
+        }
         // As it was started: what runs may be a dynamic linker.
         let own = std::env::args_os().next().expect("this program");
         let mut command = monado.client(own);
