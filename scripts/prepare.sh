@@ -287,9 +287,9 @@ find_todo() {
 	if [ "$with_xr" = 1 ] && ! monado_is_there && command -v dpkg-deb >/dev/null; then
 		todo+=("install_monado|Monado $(monado_version), OpenXR's loader and Xvfb with their libraries, from Debian ($(lock_megabytes "$monado_lock") MB): a headset's runtime, simulated where there is none")
 	fi
-	# Where packages cannot be unpacked, the build says what it lacks.
-	if [ "$with_android$with_rehearsal" != 00 ] && ! has_ndk && ! clang_is_there && command -v dpkg-deb >/dev/null; then
-		todo+=("install_clang|clang $(locked_version "$clang_lock" clang-19) with its libraries, from Debian ($(lock_megabytes "$clang_lock") MB), because there is no Android NDK (ANDROID_NDK_HOME): it compiles the C in dependencies for the headset")
+	# Where packages cannot be unpacked, the build says what it lacks. An NDK's clang has no headers for arm64 without Android.
+	if { [ "$with_arm64" = 1 ] || { [ "$with_android$with_rehearsal" != 00 ] && ! has_ndk; }; } && ! clang_is_there && command -v dpkg-deb >/dev/null; then
+		todo+=("install_clang|clang $(locked_version "$clang_lock" clang-19) with its libraries, from Debian ($(lock_megabytes "$clang_lock") MB): it compiles the C in dependencies for the headset where there is no Android NDK (ANDROID_NDK_HOME), and for the emulator of its processor")
 	fi
 	if [ "$with_rehearsal" = 1 ]; then
 		if ! rust_target_is_there "$rehearsal_target"; then
