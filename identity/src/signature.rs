@@ -19,6 +19,8 @@ pub enum Purpose {
     Viewer,
     /// Another key may drive one's avatars.
     Permit,
+    /// What a sender sends sealed, for a forwarder to hand on.
+    Seal,
 }
 
 impl Purpose {
@@ -30,6 +32,7 @@ impl Purpose {
             Self::Sender => b"mon3tr sender 1\n",
             Self::Viewer => b"mon3tr viewer 1\n",
             Self::Permit => b"mon3tr permit 1\n",
+            Self::Seal => b"mon3tr seal 1\n",
         };
         [name, text].concat()
     }

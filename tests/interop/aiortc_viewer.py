@@ -33,6 +33,8 @@ class Call:
         self.session, self.channel, self.done = secrets.randbits(32), None, asyncio.Event()
         self.newest, self.received, self.frames, self.bye = 0, 0, 0, False
         self.leaving = False
+        # The session of the frames, which is another one where they are forwarded; and what opens them.
+        self.motion, self.sealed, self.opener, self.avatar = self.session, False, None, None
         self.counts, self.kept, self.arrivals, self.bytes = {}, [], [], 0
         # (round trip, their clock less ours) of the pong that was quickest: it is wrong by half its round trip at most.
         self.clock = None
@@ -44,10 +46,21 @@ class Call:
         arrived = wire.now_us()
         try:
             kind = message[0] if isinstance(message, bytes) and message else None
+            if self.sealed and kind == wire.SEAL:
+                self.opener = self.opener or self.seal(message)
+                return
+            if self.sealed and kind in (wire.SEALED, wire.PAPER, wire.STATE):
+                # Whoever forwards has nothing of the sender's to say but what is sealed.
+                message = self.opener and self.opener.message(message)
+                if not message:
+                    self.count("not_opened")
+                    return
+                self.count("opened")
+                kind = message[0]
             if kind == wire.PAPER:
                 self.frame(arrived, message)
             elif kind == wire.STATE:
-                flags, _ = wire.unpack(wire.STATE_MESSAGE, message, self.session)
+                flags, _ = wire.unpack(wire.STATE_MESSAGE, message, self.motion)
                 if flags & 3:
                     raise wire.Refused("state")
                 self.count("states")
@@ -57,6 +70,8 @@ class Call:
                 if self.clock is None or round_trip < self.clock[0]:
                     self.clock = (round_trip, offset)
                 self.count("pongs")
+            elif kind == wire.FORWARDED:
+                (self.motion,) = wire.unpack(wire.FORWARDED_MESSAGE, message, self.session)
             elif kind == wire.BYE:
                 wire.unpack(wire.BYE_MESSAGE, message, self.session)
                 if not self.bye and not self.leaving:
@@ -68,8 +83,14 @@ class Call:
         except wire.Refused as why:
             self.count(f"refused_{why}")
 
+    def seal(self, message):
+        """What opens messages from now on, if the sender has the link."""
+        if message[1:5] != self.session.to_bytes(4, "little"):
+            raise wire.Refused("session")
+        return wire.Opener(self.link, self.avatar, self.motion, message[5:].decode())
+
     def frame(self, arrived, message):
-        sequence, captured, values, translation = wire.read_paper_frame(message, self.session)
+        sequence, captured, values, translation = wire.read_paper_frame(message, self.motion)
         if sequence == 0:
             raise wire.Refused("sequence")
         if sequence > self.newest:
@@ -137,8 +158,10 @@ class Call:
         if status != 201:
             raise RuntimeError(f"the server says {status} to our offer: {body.decode(errors='replace')}")
         answer = body.decode()
-        about = [self.link.room, announcement["avatar"]["sha256"], wire.fingerprints(answer), theirs]
-        if not self.link.is_proved(answer, "sender", about):
+        self.avatar = announcement["avatar"]["sha256"]
+        if "a=mon3tr-forwarder" in answer.splitlines():
+            self.sealed = self.link.secret is not None
+        elif not self.link.is_proved(answer, "sender", [self.link.room, self.avatar, wire.fingerprints(answer), theirs]):
             raise RuntimeError("the sender does not have the link")
         await peer.setRemoteDescription(RTCSessionDescription(answer, "answer"))
         await opened.wait()
@@ -186,6 +209,7 @@ class Call:
         return {
             "announcement": announcement,
             "session": f"{self.session:08x}",
+            "sealed": self.sealed,
             "frames": self.frames,
             "newest_sequence": self.newest,
             "never_came": self.newest - self.frames,

@@ -11,7 +11,7 @@ import struct
 import time
 import urllib.parse
 
-PAPER, COMPACT, FEEDBACK, PONG, STATE, BYE = 1, 2, 16, 17, 18, 31
+PAPER, COMPACT, FEEDBACK, PONG, STATE, FORWARDED, SEALED, SEAL, BYE = 1, 2, 16, 17, 18, 19, 20, 21, 31
 PARAMS = 215
 PAPER_BODY = struct.Struct(f"<{PARAMS}e3f")
 BODY = PAPER_BODY.size
@@ -19,6 +19,8 @@ PAPER_HEADER = struct.Struct("<BBIIQB")
 FEEDBACK_MESSAGE = struct.Struct("<BIIQQ")
 PONG_MESSAGE = struct.Struct("<BIQQQ")
 STATE_MESSAGE = struct.Struct("<BIBQ")
+FORWARDED_MESSAGE = struct.Struct("<BII")
+SEALED_HEADER = struct.Struct("<BII")
 BYE_MESSAGE = struct.Struct("<BI")
 STORED, LZ4 = 0, 1
 # The side that leaves sends byes until one is answered, but no longer than this.
@@ -94,6 +96,38 @@ class Link:
     def room_path(self, below=""):
         """The path of the room, or of what lies below it."""
         return f"/v1/rooms/{self.room}{below}"
+
+
+class Opener:
+    """Opens what a sender sealed, by the lines of its seal."""
+
+    def __init__(self, link, avatar, session, lines):
+        # Only who hears of a forwarder needs it: it comes with aiortc.
+        from cryptography.hazmat.primitives.ciphers.aead import ChaCha20Poly1305
+
+        seals = [line[len("a=mon3tr-seal:"):] for line in lines.splitlines() if line.startswith("a=mon3tr-seal:")]
+        if len(seals) != 1 or not link.is_proved(lines, "seal", [link.room, avatar, seals[0]]):
+            raise Refused("seal")
+        salt, sealed_at = seals[0].split(" ")
+        if abs(time.time() - int(sealed_at)) > 600:
+            raise Refused("old_seal")
+        key = hmac.digest(link.secret, f"mon3tr seal 1\nkey\n{link.room}\n{avatar}\n{salt}".encode(), "sha256")
+        self.session, self.cipher = session, ChaCha20Poly1305(key)
+
+    def message(self, sealed):
+        """The message within, or nothing."""
+        from cryptography.exceptions import InvalidTag
+
+        if len(sealed) < SEALED_HEADER.size:
+            return None
+        kind, session, counter = SEALED_HEADER.unpack_from(sealed)
+        if kind != SEALED or session != self.session:
+            return None
+        nonce = bytes(8) + counter.to_bytes(4, "little")
+        try:
+            return self.cipher.decrypt(nonce, sealed[SEALED_HEADER.size:], sealed[:SEALED_HEADER.size])
+        except InvalidTag:
+            return None
 
 
 def events(answer):

@@ -36,11 +36,24 @@ pub enum CallError {
         "the sender takes only those who have its whole link: was something at its end left out?"
     )]
     Refused,
+    /// The sender has as many viewers as it takes.
+    #[error(
+        "the sender has as many viewers as it serves; more can watch where its server forwards (`serve --forward`)"
+    )]
+    TooManyViewers,
     /// The other side does not prove that it has the link.
     #[error(
         "the other side does not prove that it has the link: the server or someone on the way is in its place, its link was cut short, or its program is too old"
     )]
     NoLink,
+    /// What a forwarder hands on was sealed at another time.
+    #[error(
+        "what the server hands on was sealed {apart} s from now by this machine's clock: either a clock is wrong, or it was recorded earlier"
+    )]
+    OldSeal {
+        /// Seconds between.
+        apart: u64,
+    },
     /// The sender does not prove who it is, though the link tells its key or its avatar is signed.
     #[error(
         "the sender does not prove that it is who it should be: either its program is too old, or the server or someone on the way is in its place"
@@ -107,6 +120,7 @@ impl CallError {
             Self::Refused
             | Self::NoLink
             | Self::NoKey
+            | Self::OldSeal { .. }
             | Self::WrongKey { .. }
             | Self::NotTheirAvatar { .. }
             | Self::Identity(_) => true,

@@ -8,7 +8,7 @@ use crate::CallError;
 use data_encoding::BASE64URL_NOPAD;
 use identity::{Identity, IdentityError, Keyring, Permit, PublicKey, Purpose};
 use link_http::Client;
-use link_protocol::{LinkSecret, Name, PackageId, RoomLink};
+use link_protocol::{LinkSecret, Name, PackageId, Refusal, RoomLink};
 use ring::hmac;
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -17,9 +17,8 @@ const LINK_LINE: &str = "a=mon3tr-link:";
 const KEY_LINE: &str = "a=mon3tr-key:";
 const PERMIT_LINE: &str = "a=mon3tr-permit:";
 
-/// What a sender answers a viewer that it does not take.
-const REFUSAL: &str = "v=0\r\na=mon3tr-refused:link\r\n";
-const REFUSED_LINE: &str = "a=mon3tr-refused:";
+/// The line of a server's forwarder in an answer: it has nothing to show, and what it hands on is sealed.
+const FORWARDER_LINE: &str = "a=mon3tr-forwarder";
 
 /// Certificates of one side, at most; WebRTC has one.
 const MOST_FINGERPRINTS: usize = 4;
@@ -82,7 +81,7 @@ impl Credentials {
     fn lines(&self, purpose: Purpose, text: &str) -> String {
         let signed = self.identity.sign_as_text(purpose, text.as_bytes());
         let key = format!("{KEY_LINE}{signed}\r\n");
-        match self.permit.filter(|_| purpose == Purpose::Sender) {
+        match self.permit.filter(|_| purpose != Purpose::Viewer) {
             Some(permit) => format!("{key}{PERMIT_LINE}{permit}\r\n"),
             None => key,
         }
@@ -107,6 +106,21 @@ pub(crate) fn introduce_sender(
     Ok(introduce(own, room, Purpose::Sender, &text, answer))
 }
 
+/// The answer of a server's forwarder, which has neither key nor link.
+pub(crate) fn introduce_forwarder(answer: &str) -> String {
+    before_media(answer, &[FORWARDER_LINE, "\r\n"])
+}
+
+/// What a sender shows of itself in `text`, which is none of a connection.
+pub(crate) fn lines(
+    own: Option<&Credentials>,
+    room: &RoomLink,
+    purpose: Purpose,
+    text: &str,
+) -> String {
+    introduce(own, room, purpose, text, "")
+}
+
 /// `sdp` with what a side shows of itself.
 fn introduce(
     own: Option<&Credentials>,
@@ -120,11 +134,15 @@ fn introduce(
         format!("{LINK_LINE}{}\r\n", BASE64URL_NOPAD.encode(mac.as_ref()))
     });
     let key = own.map(|own| own.lines(purpose, text));
-    // Of the whole session: before its first medium.
+    let [link, key] = [link, key].map(Option::unwrap_or_default);
+    before_media(sdp, &[&link, &key])
+}
+
+/// `sdp` with lines of the whole session: before its first medium.
+fn before_media(sdp: &str, lines: &[&str]) -> String {
     let media = sdp.find("\nm=").map_or(sdp.len(), |at| at + 1);
     let (session, media) = sdp.split_at(media);
-    let [link, key] = [link, key].map(Option::unwrap_or_default);
-    [session, &link, &key, media].concat()
+    [&[session], lines, &[media]].concat().concat()
 }
 
 /// Checks that the side which wrote `sdp` has the room's link, where the link has a secret.
@@ -145,6 +163,15 @@ fn mac_key(secret: &LinkSecret, purpose: Purpose) -> hmac::Key {
     hmac::Key::new(hmac::HMAC_SHA256, key.as_ref())
 }
 
+/// Which side answered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Answered {
+    /// The sender itself, with its key, where it says so.
+    Sender(Option<PublicKey>),
+    /// The server's forwarder, which need not be believed where what it hands on is sealed.
+    Forwarder { seals: bool },
+}
+
 /// What a viewer shows the sender, and which sender it takes: the one whose key the room's link tells, if it does, and one who may drive the
 /// avatar.
 #[derive(Debug, Clone, Default)]
@@ -163,20 +190,43 @@ impl Authentication {
         Ok(introduce(own, room, Purpose::Viewer, &text, offer))
     }
 
-    /// Takes the sender of this answer, or does not. Who it is, where it says so.
+    /// Takes the side that answered, or does not.
     pub(crate) fn check(
         &self,
         room: &RoomLink,
         avatar: PackageId,
         offer: &str,
         answer: &str,
-    ) -> Result<Option<PublicKey>, CallError> {
-        if only(answer, REFUSED_LINE)?.is_some() {
-            return Err(CallError::Refused);
+    ) -> Result<Answered, CallError> {
+        match Refusal::read(answer) {
+            Some(Refusal::Link) => return Err(CallError::Refused),
+            Some(Refusal::Full) => return Err(CallError::TooManyViewers),
+            None => {}
+        }
+        if only(answer, FORWARDER_LINE)?.is_some() {
+            // Whoever passes on what is not sealed would have to be believed.
+            let trusts = room.key().is_none() && self.signer.is_none();
+            return match room.secret() {
+                Some(_) => Ok(Answered::Forwarder { seals: true }),
+                None if trusts => Ok(Answered::Forwarder { seals: false }),
+                None => Err(CallError::NoKey),
+            };
         }
         let text = of_sender(room.room(), avatar, offer, answer)?;
-        check_link(room, Purpose::Sender, &text, answer)?;
-        let sender = Introduced::read(answer, Purpose::Sender, &text)?;
+        let sender = self.check_sender(room, Purpose::Sender, &text, answer)?;
+        Ok(Answered::Sender(sender))
+    }
+
+    /// Takes the sender that shows `lines` for `text`, or does not. Who it is, where it says so.
+    pub(crate) fn check_sender(
+        &self,
+        room: &RoomLink,
+        purpose: Purpose,
+        text: &str,
+        lines: &str,
+    ) -> Result<Option<PublicKey>, CallError> {
+        check_link(room, purpose, text, lines)?;
+        let sender = Introduced::read(lines, purpose, text)?;
         if let Some(expected) = room.key() {
             match &sender {
                 None => return Err(CallError::NoKey),
@@ -205,7 +255,7 @@ pub(crate) async fn admit_viewer(
 ) -> Result<Option<PublicKey>, CallError> {
     let checked = check_viewer(room, offer);
     if checked.is_err() {
-        client.answer(room, session, REFUSAL).await?;
+        (client.answer(room, session, &Refusal::Link.answer())).await?;
     }
     checked
 }
@@ -282,7 +332,7 @@ fn fingerprints(sdp: &str) -> Result<String, CallError> {
 }
 
 /// What follows `head` in the one line that begins so; nothing where none does.
-fn only<'a>(sdp: &'a str, head: &str) -> Result<Option<&'a str>, CallError> {
+pub(crate) fn only<'a>(sdp: &'a str, head: &str) -> Result<Option<&'a str>, CallError> {
     let mut lines = sdp.lines().filter_map(|line| line.strip_prefix(head));
     let line = lines.next().map(str::trim_end);
     if lines.next().is_some() {
@@ -292,7 +342,7 @@ fn only<'a>(sdp: &'a str, head: &str) -> Result<Option<&'a str>, CallError> {
 }
 
 /// Seconds since 1970. A clock before that lets no permit expire, which the owner's signature outlives.
-fn now() -> u64 {
+pub(crate) fn now() -> u64 {
     let now = SystemTime::now().duration_since(UNIX_EPOCH);
     now.map_or(0, |now| now.as_secs())
 }
@@ -357,7 +407,7 @@ mod tests {
             Authentication::default().check(&keyed("r1", key), avatar('a'), OFFER, answer)
         };
         let known = check(&signed, 1).expect("the sender");
-        assert_eq!(known, Some(identity(1).public()));
+        assert_eq!(known, Answered::Sender(Some(identity(1).public())));
         let wrong = check(&signed, 2);
         assert!(
             matches!(wrong, Err(CallError::WrongKey { .. })),
@@ -409,6 +459,36 @@ mod tests {
             hmac::sign(&key, b"the same text").as_ref().to_vec()
         });
         assert_ne!(viewers, senders);
+    }
+
+    #[test]
+    fn a_forwarder_is_taken_where_it_cannot_read_or_nobody_need_be_believed() {
+        let answer = introduce_forwarder(ANSWER);
+        let media = answer.find("m=").expect("media");
+        assert!(answer.find(FORWARDER_LINE).expect("a line") < media);
+        let check = |room: &RoomLink, signer| {
+            let authentication = Authentication { own: None, signer };
+            authentication.check(room, avatar('a'), OFFER, &answer)
+        };
+        let owner = Some(identity(1).public());
+        for (signer, seals) in [(None, true), (owner, true)] {
+            let taken = check(&secret("r1", 1), signer).expect("it cannot read");
+            assert_eq!(taken, Answered::Forwarder { seals });
+        }
+        let taken = check(&room("r1"), None).expect("nobody is expected");
+        assert_eq!(taken, Answered::Forwarder { seals: false });
+        for (room, signer) in [(keyed("r1", 1), None), (room("r1"), owner)] {
+            let refused = check(&room, signer);
+            assert!(matches!(refused, Err(CallError::NoKey)), "{refused:?}");
+        }
+        for (refusal, expected) in [
+            (Refusal::Link, CallError::Refused),
+            (Refusal::Full, CallError::TooManyViewers),
+        ] {
+            let authentication = Authentication::default();
+            let told = authentication.check(&room("r1"), avatar('a'), OFFER, &refusal.answer());
+            assert_eq!(told.err().map(|it| it.to_string()), Some(expected.to_string()));
+        }
     }
 
     #[test]

@@ -1,50 +1,47 @@
 //! The sending side of a call: present in a room, it answers every viewer's offer and sends each viewer the newest motion.
 //!
-//! Each viewer has a task, a connection and an encoder of its own, so that a viewer's bad network does not affect the others.
+//! Each viewer has a task, a connection and an encoder of its own, so that a viewer's bad network does not affect the others. Where the server
+//! forwards, only so many are served so; the server is one viewer more, which hands on what is sealed for it.
+
+mod serving;
 
 use crate::admission::{Opening, Refusals};
-use crate::introduction::{self, Credentials};
+use crate::introduction::Credentials;
 use crate::losses::WantedCopies;
 use crate::path::Path;
-use crate::peer::{Peer, PeerEvent, SendOutcome};
 use crate::plan::Planner;
 use crate::privacy::Privacy;
 use crate::seats::Venue;
-use crate::telling::Telling;
-use crate::{Backoff, CallError, addresses, answer_bye, is_set, renew, send_bye};
-use link_codec::{Codec, Encoder, Micros, MotionFrame};
+use crate::{Backoff, CallError, addresses, is_set, renew};
+use link_codec::{Codec, Micros, MotionFrame};
 use link_http::presence::Presence;
 use link_http::{Client, HttpError};
 use link_playout::Clock;
 use link_protocol::announcement::ChannelMode;
 use link_protocol::calls::EnterRoom;
-use link_protocol::data_channel::{Message, Pong, State};
+use link_protocol::limits::MAX_PEOPLE;
 use link_protocol::presence::PresenceEvent;
 use link_protocol::{Announcement, CallLink, IceServers, Name, PackageId, RoomLink};
-use link_voice::{Voice, timestamp};
+use link_voice::Voice;
 use serde::Serialize;
+use serving::{Offer, serve_viewer};
 use spmm3::MotionParams;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
-use tokio::sync::{Notify, broadcast, watch};
+use tokio::sync::{Notify, Semaphore, broadcast, watch};
 use tokio::task::JoinSet;
-use tokio::time::{Instant, sleep_until, timeout};
+use tokio::time::Instant;
 
 /// Viewers at once: what a home's uplink carries easily.
 const MAX_VIEWERS: usize = 32;
 
-/// From an offer to the open channel.
-const OPEN_TIMEOUT: Duration = Duration::from_secs(10);
+/// Viewers at once that are served directly where the server forwards to more: as many as may sit in a call.
+const DIRECT_VIEWERS: usize = MAX_PEOPLE;
 
-/// A viewer sends feedback at least five times a second; after a silence this long it is dropped.
-const SILENCE_TIMEOUT: Duration = Duration::from_secs(4);
-
-/// A viewer's silence after which this side's own way to the server is doubted, too: its router may have another address now, of which
-/// this machine is told nothing. The viewer offers a new connection a little later ([`crate::viewer`]), which has to find this side in the
-/// room.
-const DOUBT: Duration = Duration::from_millis(600);
+/// Forwarders at once: each instance of the server may have one.
+const MAX_FORWARDERS: usize = 8;
 
 /// The shortest time from one doubt to the next: while the room is entered again, newcomers find it empty for a moment.
 const DOUBT_AGAIN: Duration = Duration::from_secs(3);
@@ -71,7 +68,7 @@ pub struct Sender {
 pub struct SenderStatistics {
     /// Frames captured.
     pub captured: u32,
-    /// Viewers connected now.
+    /// Viewers connected now, a server that forwards among them.
     pub viewers: usize,
     /// Viewers that connected so far; one that comes back counts again.
     pub joined: u64,
@@ -121,6 +118,22 @@ impl Counts {
     }
 }
 
+/// What a sender serves itself where its server forwards. A place is taken from the offer on.
+#[derive(Debug, Clone)]
+struct Places {
+    viewers: Arc<Semaphore>,
+    forwarders: Arc<Semaphore>,
+}
+
+impl Default for Places {
+    fn default() -> Self {
+        Self {
+            viewers: Arc::new(Semaphore::new(DIRECT_VIEWERS)),
+            forwarders: Arc::new(Semaphore::new(MAX_FORWARDERS)),
+        }
+    }
+}
+
 /// What the tasks share.
 #[derive(Debug, Clone)]
 struct Shared {
@@ -142,6 +155,8 @@ struct Shared {
     stop: watch::Receiver<bool>,
     /// Tells of a viewer that is silent.
     doubt: Arc<Notify>,
+    /// Those for viewers and for the server's forwarders, where it forwards.
+    places: Option<Places>,
     refusals: Refusals,
     opening: Opening,
     counts: Arc<Counts>,
@@ -227,6 +242,7 @@ impl Sender {
             offered: Arc::clone(&offered),
             stop: stopped,
             doubt: Arc::default(),
+            places: None,
             refusals: Refusals::default(),
             opening: Opening::default(),
             counts: Arc::clone(&counts),
@@ -373,13 +389,12 @@ async fn answer_viewers(mut shared: Shared, entering: EnterRoom, presence: Prese
             }
         };
         match event {
-            PresenceEvent::Offer { session, sdp } => {
+            PresenceEvent::Offer {
+                session,
+                sdp,
+                forwards,
+            } => {
                 shared.offered.notify_one();
-                if shared.counts.viewers.load(Relaxed) >= MAX_VIEWERS {
-                    let why = format!("there are {MAX_VIEWERS} already");
-                    shared.refusals.tell(&why);
-                    continue;
-                }
                 if let Some(oldest) = shared.opening.begin(&session)
                     && let Some(leave) = leaving.remove(&oldest)
                 {
@@ -390,13 +405,17 @@ async fn answer_viewers(mut shared: Shared, entering: EnterRoom, presence: Prese
                 let shared = shared.clone();
                 viewers.spawn(async move {
                     let (refusals, opening) = (shared.refusals.clone(), shared.opening.clone());
-                    if let Err(error) = serve_viewer(shared, &session, sdp, left).await {
+                    let offer = Offer { sdp, forwards };
+                    if let Err(error) = serve_viewer(shared, &session, offer, left).await {
                         refusals.tell(&error);
                     }
                     opening.end(&session);
                 });
             }
             PresenceEvent::IceServers(servers) => shared.ice_servers = servers,
+            PresenceEvent::Forwards => {
+                shared.places.get_or_insert_default();
+            }
             PresenceEvent::Leave { session } => {
                 if let Some(leave) = leaving.remove(&session) {
                     leave.send_replace(true);
@@ -451,174 +470,3 @@ async fn next_event(
     }
 }
 
-/// One viewer from its offer to its end.
-async fn serve_viewer(
-    mut shared: Shared,
-    name: &Name,
-    offer: String,
-    mut left: watch::Receiver<bool>,
-) -> Result<(), CallError> {
-    // Where the offer came from: another seat may be taken meanwhile.
-    let room = shared.venue.room();
-    let plan = (shared.planner)
-        .plan(room.server(), &shared.ice_servers)
-        .await;
-    let relay = plan.relay.clone();
-    let viewer = introduction::admit_viewer(&shared.client, &room, name, &offer).await?;
-    let (mut peer, answer) = Peer::answer(plan, shared.channel, offer.clone()).await?;
-    let own = shared.credentials.as_ref();
-    let answer = introduction::introduce_sender(own, &room, shared.avatar, &offer, &answer)?;
-    // The viewer's first feedback has the session's number.
-    let introduced = timeout(OPEN_TIMEOUT, async {
-        shared.client.answer(&room, name, &answer).await?;
-        peer.opened().await?;
-        loop {
-            match peer.next().await {
-                PeerEvent::Message(bytes) => {
-                    if let Some(session) = Message::session_of_feedback(&bytes) {
-                        return Ok(session);
-                    }
-                }
-                PeerEvent::Closed => return Err(CallError::NotConnected),
-                PeerEvent::Open | PeerEvent::Voice(_) => {}
-            }
-        }
-    });
-    let mut stop = shared.stop.clone();
-    let session = tokio::select! {
-        session = introduced => session.map_err(|_| CallError::NoWay { relay })??,
-        () = is_set(&mut left) => return Ok(()),
-        () = is_set(&mut stop) => return Ok(()),
-    };
-    shared.opening.end(name);
-    // Before the viewer is counted: its sequences begin at 1 with the first frame captured from now on.
-    let before = shared.frames.borrow_and_update().sequence;
-    let counts = Arc::clone(&shared.counts);
-    counts.viewers.fetch_add(1, Relaxed);
-    counts.joined.fetch_add(1, Relaxed);
-    let path = peer.path().await;
-    let key = viewer.map(|viewer| format!(" with the key {}", viewer.fingerprint()));
-    log::info!(
-        "a viewer has joined{} (session {session:08x}): {}",
-        key.unwrap_or_default(),
-        Path::told(path.as_ref())
-    );
-    if let Some(path) = path {
-        counts.took(path);
-    }
-    let why = send_motion(&mut shared, before, &mut peer, session, &mut left).await;
-    counts.viewers.fetch_sub(1, Relaxed);
-    log::info!("a viewer has left (session {session:08x}): {why}");
-    peer.close().await;
-    Ok(())
-}
-
-/// Sends every frame after `before` until the viewer or this side leaves; returns why it ended.
-async fn send_motion(
-    shared: &mut Shared,
-    before: u32,
-    peer: &mut Peer,
-    session: u32,
-    left: &mut watch::Receiver<bool>,
-) -> &'static str {
-    let mut encoder = Encoder::new(shared.codec, session);
-    let mut out = Vec::with_capacity(1024);
-    let mut silent_at = Instant::now() + SILENCE_TIMEOUT;
-    let mut doubt_at = Some(Instant::now() + DOUBT);
-    let mut last = before;
-    // What was said before is over.
-    let mut voice = shared.voice.subscribe();
-    let mut losses = shared.copies.join(shared.channel);
-    let mut telling = Telling::begin(&shared.privacy);
-    loop {
-        tokio::select! {
-            // In this order: the last frame before the bye, the bye before any flood of the viewer's, and its messages before the
-            // silence timeout.
-            biased;
-            changed = shared.frames.changed() => {
-                if changed.is_err() {
-                    return "the sender has ended";
-                }
-                let captured = Arc::clone(&shared.frames.borrow_and_update());
-                // Frames captured faster than this task took them.
-                let passed_over = captured.sequence.saturating_sub(last.saturating_add(1));
-                shared.counts.skipped.fetch_add(passed_over.into(), Relaxed);
-                last = captured.sequence;
-                let frame = MotionFrame {
-                    sequence: captured.sequence.saturating_sub(before),
-                    ..MotionFrame::clone(&captured)
-                };
-                let begun = std::time::Instant::now();
-                encoder.encode(&frame, &mut out);
-                let took = u64::try_from(begun.elapsed().as_nanos()).unwrap_or(u64::MAX);
-                shared.counts.encoded.fetch_add(1, Relaxed);
-                shared.counts.encode_ns.fetch_add(took, Relaxed);
-                match peer.try_send(&out).await {
-                    SendOutcome::Queued => {
-                        losses.sent(frame.sequence);
-                        shared.counts.sent.fetch_add(1, Relaxed);
-                        shared.counts.payload_bytes.fetch_add(out.len() as u64, Relaxed);
-                    }
-                    SendOutcome::Skipped => {
-                        shared.counts.skipped.fetch_add(1, Relaxed);
-                    }
-                    SendOutcome::Closed => return "its channel is closed",
-                }
-            }
-            said = voice.recv() => match said {
-                Ok(Voice { captured, opus }) => {
-                    let bytes = opus.len() as u64;
-                    if peer.send_voice(timestamp::from_time(captured), opus).await {
-                        shared.counts.voice_sent.fetch_add(1, Relaxed);
-                        shared.counts.voice_bytes.fetch_add(bytes, Relaxed);
-                    }
-                }
-                Err(broadcast::error::RecvError::Lagged(packets)) => {
-                    log::debug!("{packets} packets of voice are left out: too much waited");
-                }
-                Err(broadcast::error::RecvError::Closed) => return "the sender has ended",
-            },
-            person = telling.due() => {
-                let sent = shared.clock.now();
-                Message::State(State { person, sent }).write(session, &mut out);
-                peer.try_send(&out).await;
-            }
-            () = is_set(left) => return "it left",
-            () = is_set(&mut shared.stop) => {
-                send_bye(peer, session).await;
-                return "the sender hung up";
-            }
-            event = peer.next() => {
-                let arrived = shared.clock.now();
-                let bytes = match event {
-                    PeerEvent::Message(bytes) => bytes,
-                    PeerEvent::Open | PeerEvent::Voice(_) => continue,
-                    PeerEvent::Closed => return "its connection is closed",
-                };
-                match Message::read(&bytes, session) {
-                    Some(Message::Feedback(feedback)) => {
-                        silent_at = Instant::now() + SILENCE_TIMEOUT;
-                        doubt_at = Some(Instant::now() + DOUBT);
-                        encoder.acknowledge(feedback.newest, feedback.received);
-                        losses.report(feedback);
-                        if feedback.sent != Micros(0) {
-                            let pong = Pong { asked: feedback.sent, arrived, left: shared.clock.now() };
-                            Message::Pong(pong).write(session, &mut out);
-                            peer.try_send(&out).await;
-                        }
-                    }
-                    Some(Message::Bye) => {
-                        answer_bye(peer, session).await;
-                        return "it hung up";
-                    }
-                    Some(Message::Pong(_) | Message::State(_) | Message::Forwarded { .. }) | None => log::debug!("ignored a message of {} bytes", bytes.len()),
-                }
-            }
-            () = sleep_until(doubt_at.unwrap_or(silent_at)), if doubt_at.is_some() => {
-                doubt_at = None;
-                shared.doubt.notify_one();
-            }
-            () = sleep_until(silent_at) => return "it sent nothing for 4 s",
-        }
-    }
-}

@@ -1,17 +1,20 @@
 //! A viewer's connection while it is open, and the feedback that it gives.
 
 use crate::CallError;
-use crate::introduction::Authentication;
+use crate::introduction::{Answered, Authentication};
 use crate::path::Path;
 use crate::peer::Peer;
 use crate::plan::Plan;
+use crate::seal::Opener;
+use crate::signaling::Signaling;
 use identity::PublicKey;
 use link_codec::{Decoder, Micros};
-use link_http::Client;
 use link_playout::Clock;
 use link_playout::clock::ClockOffset;
+use bytes::Bytes;
+use crate::voice_track::VoicePacket;
 use link_protocol::data_channel::{Feedback, Message};
-use link_protocol::{Announcement, Name, RoomLink};
+use link_protocol::{Announcement, Name, PackageId, RoomLink, sealed};
 use std::time::Duration;
 use tokio::time::{Instant, timeout};
 
@@ -36,6 +39,12 @@ pub(crate) struct Session {
     pub(crate) path: Option<Path>,
     /// Who the sender is, where it says so.
     pub(crate) sender: Option<PublicKey>,
+    /// How messages come.
+    seal: Seal,
+    /// Whose seals are taken, and for what.
+    authentication: Authentication,
+    room: RoomLink,
+    avatar: PackageId,
     /// The session's number in messages.
     pub(crate) id: u32,
     /// The session's name on the server.
@@ -55,11 +64,31 @@ pub(crate) struct Session {
     pub(crate) last_heard: Instant,
 }
 
+/// A message that arrived, as the sender wrote it.
+pub(crate) enum Arrived {
+    /// None of motion.
+    Message(Message),
+    /// A motion frame, for the decoder to check.
+    Motion(Bytes),
+    /// Nothing to be looked at.
+    Nothing,
+}
+
+/// How messages come.
+#[derive(Debug)]
+enum Seal {
+    /// As they are.
+    None,
+    /// Sealed; nothing opens them yet.
+    Awaited,
+    /// Sealed.
+    Known(Opener),
+}
+
 impl Session {
     /// Offers a connection, takes the answer of the sender that `authentication` takes, and waits for the open channel, for `limit` at most.
     pub(crate) async fn open(
-        client: &Client,
-        room: &RoomLink,
+        signaling: &dyn Signaling,
         announcement: &Announcement,
         plan: Plan,
         authentication: &Authentication,
@@ -69,10 +98,16 @@ impl Session {
         let id = getrandom::u32()?;
         let relay = plan.relay.clone();
         let (mut peer, offer) = Peer::offer(plan, announcement.channel).await?;
+        let room = signaling.room();
         let signed = authentication.introduce(room, &offer)?;
-        let answer = timeout(limit, client.offer(room, &signed)).await;
+        let answer = timeout(limit, signaling.offer(&signed)).await;
         let answer = answer.map_err(|_| CallError::NotConnected)??;
-        let sender = authentication.check(room, announcement.avatar.sha256, &offer, &answer.sdp)?;
+        let avatar = announcement.avatar.sha256;
+        let (sender, seal) = match authentication.check(room, avatar, &offer, &answer.sdp)? {
+            Answered::Sender(sender) => (sender, Seal::None),
+            Answered::Forwarder { seals: false } => (None, Seal::None),
+            Answered::Forwarder { seals: true } => (None, Seal::Awaited),
+        };
         peer.accept(answer.sdp).await?;
         match timeout(limit, peer.opened()).await {
             Ok(Ok(())) => {}
@@ -85,6 +120,10 @@ impl Session {
             peer,
             path,
             sender,
+            seal,
+            authentication: authentication.clone(),
+            room: room.clone(),
+            avatar,
             id,
             name: answer.session,
             motion: id,
@@ -99,6 +138,56 @@ impl Session {
         };
         session.send_feedback(clock, &mut Vec::new()).await;
         Ok(session)
+    }
+
+    /// Reads a message, and opens it where a forwarder hands on what is sealed; nothing else is taken from the forwarder then but what is
+    /// its own: pongs, byes, and under which session the sender writes.
+    ///
+    /// # Errors
+    /// If it is sealed by someone else than the sender that is taken.
+    pub(crate) fn read(&mut self, bytes: Bytes) -> Result<Arrived, CallError> {
+        let of_forwarder = match &mut self.seal {
+            Seal::None => {
+                let message = Message::read(&bytes, self.id);
+                return Ok(message.map_or(Arrived::Motion(bytes), Arrived::Message));
+            }
+            Seal::Known(opener) => match opener.message(self.motion, &bytes) {
+                Some(message) => {
+                    return Ok(match Message::read(&message, self.motion) {
+                        Some(state @ Message::State(_)) => Arrived::Message(state),
+                        Some(_) => Arrived::Nothing,
+                        None => Arrived::Motion(message.into()),
+                    });
+                }
+                None => sealed::read_seal(&bytes, self.id).filter(|lines| !opener.is_of(lines)),
+            },
+            Seal::Awaited => sealed::read_seal(&bytes, self.id),
+        };
+        if let Some(lines) = of_forwarder {
+            let (opener, sender) =
+                Opener::new(&self.authentication, &self.room, self.avatar, lines)?;
+            self.seal = Seal::Known(opener);
+            self.sender = sender;
+            return Ok(Arrived::Nothing);
+        }
+        Ok(match Message::read(&bytes, self.id) {
+            None | Some(Message::State(_)) => Arrived::Nothing,
+            Some(message) => Arrived::Message(message),
+        })
+    }
+
+    /// Whether what is handed on is opened here.
+    pub(crate) fn is_sealed(&self) -> bool {
+        !matches!(self.seal, Seal::None)
+    }
+
+    /// A packet of voice as it was said; nothing for one that is not the sender's.
+    pub(crate) fn hear(&mut self, packet: VoicePacket) -> Option<VoicePacket> {
+        match &mut self.seal {
+            Seal::None => Some(packet),
+            Seal::Awaited => None,
+            Seal::Known(opener) => opener.voice(&packet),
+        }
     }
 
     /// Reads motion of this session from now on, which is forwarded; whether that is another one than before.

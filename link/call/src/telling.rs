@@ -17,6 +17,35 @@ const WHILE_HIDDEN: Duration = Duration::from_millis(200);
 /// For a viewer that has lost all of the first ones.
 const WHILE_MUTED: Duration = Duration::from_secs(1);
 
+/// The times at which something is told that stays as it is: so many times at first, 100 ms apart, then every 0.4 s, for each message may be lost. It is a sign of
+/// life, too: a viewer that hears nothing for 0.8 s connects again.
+#[derive(Debug)]
+pub(crate) struct Repeated {
+    at_once: u32,
+    next: Instant,
+}
+
+const AGAIN: Duration = Duration::from_millis(400);
+
+impl Default for Repeated {
+    fn default() -> Self {
+        Self {
+            at_once: AT_ONCE,
+            next: Instant::now(),
+        }
+    }
+}
+
+impl Repeated {
+    /// Waits until it is time to tell. May be cancelled.
+    pub(crate) async fn due(&mut self) {
+        sleep_until(self.next).await;
+        self.at_once = self.at_once.saturating_sub(1);
+        let pause = if self.at_once > 0 { BETWEEN } else { AGAIN };
+        self.next = Instant::now() + pause;
+    }
+}
+
 /// The times at which one viewer is told.
 #[derive(Debug)]
 pub(crate) struct Telling {

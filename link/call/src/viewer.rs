@@ -1,21 +1,22 @@
 //! The receiving side of a call: joins a room and hands over what arrives, through outages and restarts, until either side hangs up.
 
+mod arrivals;
+
 use crate::introduction::Authentication;
 use crate::path::Path;
 use crate::peer::PeerEvent;
 use crate::plan::Planner;
 use crate::session::Session;
-use crate::voice_track::VoicePacket;
+use crate::signaling::{HttpRoom, Signaling};
 use crate::{Backoff, CallError, addresses, answer_bye, is_set, renew, send_bye};
 use identity::PublicKey;
 use link_codec::decode_error::DecodeErrorCounts;
 use link_codec::{Micros, MotionFrame};
 use link_http::Client;
 use link_playout::Clock;
-use link_playout::clock::Exchange;
-use link_protocol::data_channel::{Message, PersonState, State};
+use link_protocol::data_channel::PersonState;
 use link_protocol::{Announcement, RoomLink};
-use link_voice::{Voice, VoiceQueue, timestamp};
+use link_voice::VoiceQueue;
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -23,6 +24,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
+use arrivals::Handled;
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 
 /// Silence after which a second connection is made beside the silent one: SCTP alone takes 15 s to recover from an outage of 10 s.
@@ -38,6 +40,9 @@ const RECONNECT_TIMEOUT: Duration = Duration::from_millis(2_500);
 /// For the server to return the announcement, and to take the end of a session.
 const ANNOUNCEMENT_TIMEOUT: Duration = Duration::from_secs(3);
 const LEAVE_TIMEOUT: Duration = Duration::from_secs(1);
+
+/// Between two lines on why a call does not begin.
+const TOLD_APART: Duration = Duration::from_secs(10);
 
 /// How often silence and feedback are checked.
 const TICK: Duration = Duration::from_millis(50);
@@ -138,6 +143,7 @@ impl Viewer {
             statistics: Arc::clone(&statistics),
             announced: None,
             state: None,
+            told: None,
         };
         Self {
             events,
@@ -194,6 +200,8 @@ struct Call {
     statistics: Arc<Mutex<ViewerStatistics>>,
     announced: Option<Announcement>,
     state: Option<PersonState>,
+    /// When it was last told why the call does not begin.
+    told: Option<Instant>,
 }
 
 /// The task that opens a connection.
@@ -227,22 +235,32 @@ impl Call {
                     };
                     session.last_heard = Instant::now();
                     backoff.reset();
-                    if self.handle(session, &bytes, &mut out).await {
-                        answer_bye(&session.peer, session.id).await;
-                        while let Some(voice) = session.peer.voice_that_waits() {
-                            self.hear(session, voice);
+                    match self.handle(session, bytes, &mut out).await {
+                        Handled::Goes => {}
+                        Handled::Bye => {
+                            answer_bye(&session.peer, session.id).await;
+                            while let Some(voice) = session.peer.voice_that_waits() {
+                                self.hear(session, voice);
+                            }
+                            self.emit(CallEvent::HungUp);
+                            self.finish(current.as_ref(), joining).await;
+                            return;
                         }
-                        self.emit(CallEvent::HungUp);
-                        self.finish(current.as_ref(), joining).await;
-                        return;
+                        Handled::Refused(error) => {
+                            self.emit(CallEvent::Failed(error));
+                            break;
+                        }
                     }
+                    // A forwarder's seal tells who the sender is.
+                    let sender = session.sender;
+                    self.with_statistics(|s| s.sender = sender);
                     // The silent connection has recovered: no second one is needed.
                     if let Some(second) = joining.take() {
                         second.abort();
                     }
                 }
                 Turn::Event(PeerEvent::Voice(voice)) => {
-                    if let Some(session) = &current {
+                    if let Some(session) = &mut current {
                         self.hear(session, voice);
                     }
                 }
@@ -278,10 +296,15 @@ impl Call {
                     break;
                 }
                 Turn::Joined(Err(error)) => {
-                    match error {
-                        // Trying again may help, and so may who reads this.
-                        CallError::NoWay { .. } if current.is_none() => log::warn!("{error}"),
-                        _ => log::debug!("not joined yet: {error}"),
+                    // Trying again may help, and so may who reads this.
+                    let matters =
+                        matches!(error, CallError::NoWay { .. } | CallError::TooManyViewers);
+                    let told = self.told.is_some_and(|at| at.elapsed() < TOLD_APART);
+                    if matters && current.is_none() && !told {
+                        self.told = Some(Instant::now());
+                        log::warn!("{error}");
+                    } else {
+                        log::debug!("not joined yet: {error}");
                     }
                     joining = Some(self.start_joining(backoff.next()));
                 }
@@ -361,7 +384,12 @@ impl Call {
     }
 
     fn start_joining(&self, after: Duration) -> Joining {
-        let (client, room, clock) = (self.client.clone(), self.room.clone(), self.clock);
+        let (room, clock) = (self.room.clone(), self.clock);
+        let server = room.server().clone();
+        let signaling = HttpRoom {
+            client: self.client.clone(),
+            room,
+        };
         let (planner, authentication) = (self.planner.clone(), self.authentication.clone());
         let limit = match self.with_statistics(|s| s.round_trip_us) {
             // Some ten messages cross until the channel is open.
@@ -371,15 +399,13 @@ impl Call {
         tokio::spawn(async move {
             tokio::time::sleep(after).await;
             // An idle connection to the server may be dead, which shows in a timeout only.
-            let status = timeout(ANNOUNCEMENT_TIMEOUT, client.room_status(&room))
+            let status = timeout(ANNOUNCEMENT_TIMEOUT, signaling.status())
                 .await
-                .map_err(|_| CallError::NotConnected)??
-                .ok_or(CallError::SenderAbsent)?;
+                .map_err(|_| CallError::NotConnected)??;
             let announcement = status.announcement;
-            let plan = planner.plan(room.server(), &status.ice_servers).await;
+            let plan = planner.plan(&server, &status.ice_servers).await;
             let session = Session::open(
-                &client,
-                &room,
+                &signaling,
                 &announcement,
                 plan,
                 &authentication,
@@ -396,83 +422,6 @@ impl Call {
             self.announced = Some(announcement);
             self.emit(CallEvent::Announced(announcement));
         }
-    }
-
-    /// Handles one message; returns whether it was a bye.
-    async fn handle(&mut self, session: &mut Session, bytes: &[u8], out: &mut Vec<u8>) -> bool {
-        let arrived = self.clock.now();
-        self.with_statistics(|s| s.payload_bytes += bytes.len() as u64);
-        match Message::read(bytes, session.id) {
-            Some(Message::Bye) => return true,
-            Some(Message::Pong(pong)) => {
-                let exchange = Exchange {
-                    sent: pong.asked,
-                    arrived: pong.arrived,
-                    left: pong.left,
-                    returned: arrived,
-                };
-                if let Err(error) = session.offset.observe(&exchange) {
-                    log::debug!("ignored a pong: {error}");
-                }
-                self.with_statistics(|s| {
-                    s.clock_offset_us = session.offset.offset_us();
-                    s.round_trip_us = session
-                        .offset
-                        .round_trip()
-                        .and_then(|time| u64::try_from(time.as_micros()).ok());
-                });
-            }
-            Some(Message::State(State { person, sent })) => {
-                // Voice without motion needs the sender's time, too.
-                session.newest_captured = session.newest_captured.max(Some(sent));
-                // It comes again and again: one that finds no room is told the next time.
-                if self.state != Some(person) && self.emit(CallEvent::State(person)) {
-                    self.state = Some(person);
-                }
-            }
-            Some(Message::Forwarded { of }) => {
-                // Who changes it again and again is not followed further than is taken.
-                if self.waiting.load(Relaxed) < MAX_WAITING && session.follow(of) {
-                    // Another sender's motion, or the same one's who came back: its sequences and times begin anew.
-                    self.voice.begin_connection();
-                    self.emit(CallEvent::Joined);
-                }
-            }
-            Some(Message::Feedback(_)) => log::debug!("ignored a feedback from the sender"),
-            None => match session.decoder.decode(bytes) {
-                Ok(frame) => {
-                    session.newest_captured = Some(frame.captured);
-                    let captured = session.offset.to_local(frame.captured);
-                    self.with_statistics(|s| s.frames += 1);
-                    self.emit(CallEvent::Frame {
-                        frame,
-                        captured,
-                        arrived,
-                    });
-                    session.fresh_frames += 1;
-                    session.send_feedback(self.clock, out).await;
-                }
-                Err(error) => {
-                    self.with_statistics(|s| s.refused.add(error));
-                    log::debug!("a message of {} bytes: {error}", bytes.len());
-                }
-            },
-        }
-        false
-    }
-
-    /// Handles a packet of voice. It is no sign of life: a sender whose motion fails is joined again.
-    fn hear(&self, session: &Session, VoicePacket { timestamp, opus }: VoicePacket) {
-        // Motion tells the sender's time, of which a time stamp is only a part; the first of it comes before long.
-        let Some(near) = session.newest_captured else {
-            return;
-        };
-        self.with_statistics(|s| {
-            s.voice += 1;
-            s.voice_bytes += opus.len() as u64;
-        });
-        let captured = timestamp::to_time(timestamp, near);
-        self.voice.push(Voice { captured, opus }, self.clock.now());
     }
 
     /// Hands an event on; whether there was room for it.

@@ -32,8 +32,10 @@ mod name;
 pub mod package_id;
 mod person_name;
 pub mod presence;
+mod refusal;
 pub mod room_link;
 pub mod rooms;
+pub mod sealed;
 mod token;
 
 pub use announcement::Announcement;
@@ -44,5 +46,6 @@ pub use ice::IceServers;
 pub use name::Name;
 pub use package_id::PackageId;
 pub use person_name::PersonName;
+pub use refusal::Refusal;
 pub use room_link::RoomLink;
 pub use token::Token;

@@ -14,6 +14,8 @@ pub enum PresenceEvent {
         session: Name,
         /// The viewer's SDP, with all its candidates.
         sdp: String,
+        /// The server's own forwarder offers this, to hand on to others what it gets. It has no link, so it cannot prove that it has.
+        forwards: bool,
     },
     /// A viewer has left.
     Leave {
@@ -22,6 +24,8 @@ pub enum PresenceEvent {
     },
     /// The STUN and TURN servers to use from now on.
     IceServers(IceServers),
+    /// The server forwards: viewers that are refused because there are many are served nevertheless.
+    Forwards,
     /// Another sender has entered with the same token. It is the last event.
     Replaced,
 }
@@ -35,6 +39,8 @@ struct IceData {
 struct OfferData {
     session: Name,
     sdp: String,
+    #[serde(default)]
+    forwards: bool,
 }
 
 #[derive(Deserialize)]
@@ -50,8 +56,12 @@ impl PresenceEvent {
     pub fn read(name: &str, data: &str) -> Result<Option<Self>, serde_json::Error> {
         Ok(Some(match name {
             "offer" => {
-                let OfferData { session, sdp } = serde_json::from_str(data)?;
-                Self::Offer { session, sdp }
+                let offer: OfferData = serde_json::from_str(data)?;
+                Self::Offer {
+                    session: offer.session,
+                    sdp: offer.sdp,
+                    forwards: offer.forwards,
+                }
             }
             "leave" => {
                 let LeaveData { session } = serde_json::from_str(data)?;
@@ -61,6 +71,7 @@ impl PresenceEvent {
                 let IceData { ice_servers } = serde_json::from_str(data)?;
                 Self::IceServers(ice_servers)
             }
+            "forwards" => Self::Forwards,
             "replaced" => Self::Replaced,
             _ => return Ok(None),
         }))
@@ -70,9 +81,22 @@ impl PresenceEvent {
     #[must_use]
     pub fn write(&self) -> (&'static str, String) {
         let (name, data) = match self {
-            Self::Offer { session, sdp } => ("offer", json!({ "session": session, "sdp": sdp })),
+            Self::Offer {
+                session,
+                sdp,
+                forwards: false,
+            } => ("offer", json!({ "session": session, "sdp": sdp })),
+            Self::Offer {
+                session,
+                sdp,
+                forwards,
+            } => (
+                "offer",
+                json!({ "session": session, "sdp": sdp, "forwards": forwards }),
+            ),
             Self::Leave { session } => ("leave", json!({ "session": session })),
             Self::IceServers(servers) => ("ice", json!({ "ice_servers": servers })),
+            Self::Forwards => ("forwards", json!({})),
             Self::Replaced => ("replaced", json!({})),
         };
         (name, data.to_string())
@@ -89,6 +113,7 @@ impl fmt::Debug for PresenceEvent {
                 .finish_non_exhaustive(),
             Self::Leave { session } => f.debug_struct("Leave").field("session", session).finish(),
             Self::IceServers(servers) => f.debug_tuple("IceServers").field(servers).finish(),
+            Self::Forwards => f.write_str("Forwards"),
             Self::Replaced => f.write_str("Replaced"),
         }
     }
@@ -104,9 +129,20 @@ mod tests {
         let offer = PresenceEvent::Offer {
             session: session.clone(),
             sdp: "v=0\r\n".to_owned(),
+            forwards: false,
+        };
+        let forwarders = PresenceEvent::Offer {
+            session: session.clone(),
+            sdp: "v=0\r\n".to_owned(),
+            forwards: true,
         };
         let written = [
             (offer, "offer", r#"{"sdp":"v=0\r\n","session":"S1"}"#),
+            (
+                forwarders,
+                "offer",
+                r#"{"forwards":true,"sdp":"v=0\r\n","session":"S1"}"#,
+            ),
             (
                 PresenceEvent::Leave { session },
                 "leave",
@@ -119,6 +155,7 @@ mod tests {
                 "ice",
                 r#"{"ice_servers":[{"urls":["stun:a"]}]}"#,
             ),
+            (PresenceEvent::Forwards, "forwards", "{}"),
             (PresenceEvent::Replaced, "replaced", "{}"),
         ];
         for (event, name, data) in written {

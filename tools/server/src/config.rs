@@ -1,10 +1,11 @@
 //! A server's configuration, with every bound it keeps.
 
-use crate::Secret;
+use crate::{Forwarding, Secret};
 use link_protocol::ice::IceUrl;
 use link_protocol::limits::{ANSWER_WITHIN, MAX_SDP_BYTES};
 use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// A server's configuration.
@@ -24,6 +25,8 @@ pub struct Config {
     pub stun: Vec<IceUrl>,
     /// Relay calls that find no direct way.
     pub turn: Option<TurnConfig>,
+    /// What takes viewers whom their senders hand over, if anything does.
+    pub forwarding: Option<Arc<dyn Forwarding>>,
     /// Certificate chain and private key, PEM files; without them the server speaks plain HTTP.
     #[cfg(feature = "tls")]
     pub tls: Option<(PathBuf, PathBuf)>,
@@ -43,6 +46,7 @@ impl Config {
             nats: None,
             stun: Vec::new(),
             turn: None,
+            forwarding: None,
             #[cfg(feature = "tls")]
             tls: None,
             limits: Limits::default(),

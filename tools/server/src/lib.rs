@@ -1,12 +1,13 @@
 //! Signaling and the avatar store: the paper's *Signaling* stage, and where *Amortization* fetches the avatar.
 //!
-//! The server introduces a sender to its viewers and keeps packages; motion never passes through it. The wire is
+//! The server introduces a sender to its viewers and keeps packages; motion passes through it only where a program forwards ([`Forwarding`]), sealed. The wire is
 //! `docs/protocol.md`. It deliberately keeps no accounts and no rooms: tokens say what their bearer may do, and a room
 //! is where its sender is connected.
 
 mod config;
 mod connections;
 mod error;
+mod forwarding;
 mod http;
 mod ice;
 mod id;
@@ -22,6 +23,7 @@ mod token;
 
 pub use config::{Config, Limits, StoreConfig, TurnConfig};
 pub use error::ServerError;
+pub use forwarding::{Forwarding, HandedOver, SendersRoom};
 pub use id::Id;
 pub use secret::Secret;
 pub use server::Server;

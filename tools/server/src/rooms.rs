@@ -21,7 +21,13 @@ pub(crate) enum RoomRequest {
     /// For the sender's announcement.
     Announcement,
     /// A viewer's offer; the reply is the sender's answer.
-    Offer { session: Id, sdp: String },
+    Offer {
+        session: Id,
+        sdp: String,
+        /// It is of an instance's own forwarder.
+        #[serde(default)]
+        forwards: bool,
+    },
     /// The sender's answer to a viewer's offer.
     Answer { session: Id, sdp: String },
     /// The viewer of this session leaves.
@@ -107,7 +113,11 @@ impl Presence {
                 person: self.sender.person.clone(),
                 occupant: self.sender.occupant.clone(),
             },
-            RoomRequest::Offer { session, sdp } => self.offer(session, sdp).await,
+            RoomRequest::Offer {
+                session,
+                sdp,
+                forwards,
+            } => self.offer(session, sdp, forwards).await,
             RoomRequest::Answer { session, sdp } => {
                 let waiting = lock(&self.waiting).remove(&session);
                 // A viewer that has just hung up no longer waits either.
@@ -122,7 +132,7 @@ impl Presence {
         }
     }
 
-    async fn offer(&self, session: Id, sdp: String) -> RoomReply {
+    async fn offer(&self, session: Id, sdp: String, forwards: bool) -> RoomReply {
         let (answer, answered) = oneshot::channel();
         {
             let mut waiting = lock(&self.waiting);
@@ -138,6 +148,7 @@ impl Presence {
         match self.notify(PresenceEvent::Offer {
             session: session.into(),
             sdp,
+            forwards,
         }) {
             RoomReply::Done => {}
             other => return other,

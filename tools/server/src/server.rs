@@ -87,6 +87,7 @@ impl Server {
             rooms: Arc::new(Rooms::new(room_limits, Arc::clone(&metrics))),
             relay,
             ice,
+            forwarding: config.forwarding,
             packages,
             member_uploads: Arc::default(),
             metrics,

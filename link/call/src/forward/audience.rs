@@ -1,141 +1,121 @@
 //! The forwarder's side towards the audience: a task for each viewer.
 
-use super::{Counts, Forwarded, OPEN_WITHIN, UNKNOWN};
-use crate::introduction::{self, Credentials};
+use super::{Counts, Forwarded, OPEN_WITHIN, Source, UNKNOWN};
 use crate::peer::{Peer, PeerEvent, SendOutcome};
 use crate::plan::Planner;
+use crate::telling::Repeated;
 use crate::voice_track::VoicePacket;
-use crate::{Backoff, CallError, answer_bye, is_set, send_bye};
-use identity::{Keyring, Permit, PublicKey};
+use crate::{CallError, answer_bye, is_set, send_bye};
 use link_codec::Micros;
-use link_http::presence::Presence;
-use link_http::{Client, HttpError};
 use link_playout::Clock;
-use link_protocol::calls::EnterRoom;
 use link_protocol::data_channel::{Message, Pong};
-use link_protocol::presence::PresenceEvent;
-use link_protocol::{Announcement, IceServers, Name, RoomLink};
-use std::collections::HashMap;
+use link_protocol::room_link::ServerUrl;
+use link_protocol::{Announcement, IceServers, sealed};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 use tokio::sync::{broadcast, watch};
-use tokio::task::JoinSet;
-use tokio::time::{Instant, sleep, sleep_until, timeout};
+use tokio::time::{Instant, sleep_until, timeout};
 
 /// A viewer that says nothing for so long is gone.
 const VIEWER_SILENCE: Duration = Duration::from_secs(4);
 
-/// A viewer is told so many times at first under which session the sender writes, and then again and again, also while there is no sender: each message may be lost, and a viewer that hears
-/// nothing for 0.8 s connects again.
-const TOLD_AT_ONCE: u32 = 3;
-const TOLD_AGAIN: [Duration; 2] = [Duration::from_millis(100), Duration::from_millis(400)];
+/// A seal's lines are told with each so many of the other messages about the source: they are long.
+const SEALS_APART: u32 = 5;
 
 /// What the tasks of the viewers share.
 #[derive(Clone)]
 pub(super) struct Stage {
-    pub(super) client: Client,
     pub(super) planner: Planner,
+    /// Whose audience it is.
+    pub(super) server: ServerUrl,
     pub(super) ice_servers: IceServers,
-    pub(super) audience: RoomLink,
     /// What the sender announced last.
     pub(super) announced: watch::Receiver<Announcement>,
-    /// This side's own key and the permits for it.
-    pub(super) keys: Option<(Keyring, Arc<[Permit]>)>,
-    /// Who the sender is, where it says so.
-    pub(super) sender: watch::Receiver<Option<PublicKey>>,
     pub(super) clock: Clock,
     pub(super) forwarded: broadcast::Sender<Forwarded>,
-    /// The session of the connection to the sender, while there is one.
-    pub(super) source: watch::Receiver<Option<u32>>,
+    /// The session of the connection to the sender, once there is one.
+    pub(super) source: watch::Receiver<Option<Source>>,
     pub(super) stop: watch::Receiver<bool>,
     pub(super) counts: Arc<Counts>,
     pub(super) most: usize,
 }
 
-async fn next_event(
-    stage: &Stage,
-    entering: &EnterRoom,
-    presence: &mut Option<Presence>,
-    backoff: &mut Backoff,
-) -> PresenceEvent {
-    loop {
-        if let Some(open) = presence {
-            match open.next().await {
-                Ok(event) => return event,
-                Err(error) => {
-                    log::warn!(
-                        "the server cannot be reached ({error}): viewers stay, trying again"
-                    );
-                    *presence = None;
-                }
-            }
-        }
-        sleep(backoff.next()).await;
-        match stage.client.open_presence(&stage.audience, entering).await {
-            Ok(open) => {
-                backoff.reset();
-                *presence = Some(open);
-            }
-            Err(HttpError::Unauthorized { .. }) => {
-                log::warn!("the audience's room has expired: viewers stay, no other one can join");
-                return std::future::pending().await;
-            }
-            Err(error) => log::debug!("not in the audience's room: {error}"),
-        }
+/// How a viewer gets its answer.
+#[async_trait::async_trait]
+pub(super) trait Reply: Send {
+    /// Answers this offer to an avatar of this announcement with `answer`, and with what the forwarder shows of itself.
+    async fn answer(
+        self,
+        announced: Announcement,
+        offer: &str,
+        answer: &str,
+    ) -> Result<(), CallError>;
+}
+
+/// A place among the viewers; dropping it frees it.
+pub(super) struct Place(Arc<Counts>);
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.0.begun.fetch_sub(1, Relaxed);
     }
 }
 
-/// One viewer from its offer to its end.
-async fn serve(
-    mut stage: Stage,
-    session: &Name,
-    offer: String,
-    mut left: watch::Receiver<bool>,
-) -> Result<(), CallError> {
-    let server = stage.audience.server();
-    let plan = stage.planner.plan(server, &stage.ice_servers).await;
-    let room = &stage.audience;
-    introduction::admit_viewer(&stage.client, room, session, &offer).await?;
-    let announced = *stage.announced.borrow();
-    let own = stage
-        .keys
-        .as_ref()
-        .map(|(keys, permits)| Credentials::of_forwarder(keys, permits, *stage.sender.borrow()));
-    let (mut peer, answer) = Peer::answer(plan, announced.channel, offer.clone()).await?;
-    let avatar = announced.avatar.sha256;
-    let answer = introduction::introduce_sender(own.as_ref(), room, avatar, &offer, &answer)?;
-    let introduced = timeout(OPEN_WITHIN, async {
-        stage
-            .client
-            .answer(&stage.audience, session, &answer)
-            .await?;
-        peer.opened().await?;
-        loop {
-            match peer.next().await {
-                PeerEvent::Message(bytes) => {
-                    if let Some(session) = Message::session_of_feedback(&bytes) {
-                        return Ok::<_, CallError>(session);
+impl Stage {
+    /// A place for one more viewer, if there is one.
+    pub(super) fn place(&self) -> Option<Place> {
+        let begun = self.counts.begun.fetch_add(1, Relaxed);
+        let place = Place(Arc::clone(&self.counts));
+        (begun < self.most).then_some(place)
+    }
+
+    /// One viewer from its offer to its end.
+    pub(super) async fn serve(
+        mut self,
+        _place: Place,
+        offer: String,
+        reply: impl Reply,
+        mut left: watch::Receiver<bool>,
+    ) -> Result<(), CallError> {
+        let plan = self.planner.plan(&self.server, &self.ice_servers).await;
+        let announced = *self.announced.borrow();
+        let (mut peer, answer) = Peer::answer(plan, announced.channel, offer.clone()).await?;
+        let introduced = timeout(OPEN_WITHIN, async {
+            reply.answer(announced, &offer, &answer).await?;
+            peer.opened().await?;
+            loop {
+                match peer.next().await {
+                    PeerEvent::Message(bytes) => {
+                        if let Some(session) = Message::session_of_feedback(&bytes) {
+                            return Ok::<_, CallError>(session);
+                        }
                     }
+                    PeerEvent::Closed => return Err(CallError::NotConnected),
+                    PeerEvent::Open | PeerEvent::Voice(_) => {}
                 }
-                PeerEvent::Closed => return Err(CallError::NotConnected),
-                PeerEvent::Open | PeerEvent::Voice(_) => {}
             }
-        }
-    });
-    let mut stop = stage.stop.clone();
-    let session = tokio::select! {
-        session = introduced => session.map_err(|_| CallError::NotConnected)??,
-        () = is_set(&mut left) => return Ok(()),
-        () = is_set(&mut stop) => return Ok(()),
-    };
-    stage.counts.viewers.fetch_add(1, Relaxed);
-    stage.counts.joined.fetch_add(1, Relaxed);
-    let why = hand_on(&mut stage, &mut peer, session, &mut left).await;
-    stage.counts.viewers.fetch_sub(1, Relaxed);
-    log::debug!("a viewer has left (session {session:08x}): {why}");
-    peer.close().await;
-    Ok(())
+        });
+        let mut stop = self.stop.clone();
+        let session = tokio::select! {
+            session = introduced => session.map_err(|_| CallError::NotConnected)??,
+            () = is_set(&mut left) => return Ok(()),
+            () = is_set(&mut stop) => return Ok(()),
+        };
+        self.counts.viewers.fetch_add(1, Relaxed);
+        self.counts.joined.fetch_add(1, Relaxed);
+        let why = hand_on(&mut self, &mut peer, session, &mut left).await;
+        self.counts.viewers.fetch_sub(1, Relaxed);
+        log::debug!("a viewer has left (session {session:08x}): {why}");
+        peer.close().await;
+        Ok(())
+    }
+
+    /// A time of this side's clock by the sender's; nothing while the two are not compared.
+    fn in_senders_time(&self, here: Micros) -> Option<Micros> {
+        let offset = self.counts.offset_us.load(Relaxed);
+        (offset != UNKNOWN).then(|| Micros(here.0.saturating_add_signed(offset)))
+    }
 }
 
 /// Hands on to one viewer until either leaves; why it ended.
@@ -148,7 +128,7 @@ async fn hand_on(
     let mut forwarded = stage.forwarded.subscribe();
     let mut silent_at = Instant::now() + VIEWER_SILENCE;
     let mut out = Vec::with_capacity(64);
-    let (mut times_told, mut tell_at) = (0, Instant::now());
+    let (mut telling, mut times_told) = (Repeated::default(), 0u32);
     loop {
         tokio::select! {
             () = is_set(left) => return "it left",
@@ -156,17 +136,21 @@ async fn hand_on(
                 if changed.is_err() {
                     return "this side has ended";
                 }
-                (times_told, tell_at) = (0, Instant::now());
+                (telling, times_told) = (Repeated::default(), 0);
             }
-            () = sleep_until(tell_at) => {
-                let source = *stage.source.borrow_and_update();
-                if let Some(of) = source {
+            // Also while there is no sender: it is the sign of life for which the viewer stays.
+            () = telling.due() => {
+                let source = stage.source.borrow_and_update().clone();
+                if let Some(Source { session: of, seal }) = source {
                     Message::Forwarded { of }.write(session, &mut out);
                     peer.try_send(&out).await;
-                    times_told += 1;
+                    let due = times_told < SEALS_APART || times_told.is_multiple_of(SEALS_APART);
+                    if due && let Some(lines) = seal {
+                        sealed::write_seal(session, &lines, &mut out);
+                        peer.try_send(&out).await;
+                    }
+                    times_told = times_told.wrapping_add(1);
                 }
-                let [soon, later] = TOLD_AGAIN;
-                tell_at = Instant::now() + if times_told < TOLD_AT_ONCE { soon } else { later };
             }
             () = is_set(&mut stage.stop) => {
                 send_bye(peer, session).await;
@@ -223,71 +207,5 @@ async fn hand_on(
             }
             () = sleep_until(silent_at) => return "it sent nothing for 4 s",
         }
-    }
-}
-
-impl Stage {
-    /// Keeps up the presence in the audience's room, and has a task for every viewer.
-    pub(super) async fn attend(mut self, mut entering: EnterRoom, presence: Presence) {
-        let mut presence = Some(presence);
-        let mut viewers = JoinSet::new();
-        let mut leaving: HashMap<Name, watch::Sender<bool>> = HashMap::new();
-        let mut backoff = Backoff::default();
-        let mut stop = self.stop.clone();
-        let mut announced = self.announced.clone();
-        loop {
-            let event = tokio::select! {
-                () = is_set(&mut stop) => break,
-                Ok(()) = announced.changed() => {
-                    // The sender is back with another avatar, say: viewers read that where they join.
-                    entering = EnterRoom::from(*announced.borrow_and_update());
-                    presence = None;
-                    for (_, leave) in leaving.drain() {
-                        leave.send_replace(true);
-                    }
-                    continue;
-                }
-                Some(_) = viewers.join_next(), if !viewers.is_empty() => {
-                    leaving.retain(|_, leave| !leave.is_closed());
-                    continue;
-                }
-                event = next_event(&self, &entering, &mut presence, &mut backoff) => event,
-            };
-            match event {
-                PresenceEvent::Offer { session, sdp } => {
-                    if viewers.len() >= self.most {
-                        log::warn!("a viewer is refused: there are {} already", self.most);
-                        continue;
-                    }
-                    let (leave, left) = watch::channel(false);
-                    leaving.insert(session.clone(), leave);
-                    let stage = self.clone();
-                    viewers.spawn(async move {
-                        if let Err(error) = serve(stage, &session, sdp, left).await {
-                            log::debug!("a viewer could not join: {error}");
-                        }
-                    });
-                }
-                PresenceEvent::IceServers(servers) => self.ice_servers = servers,
-                PresenceEvent::Leave { session } => {
-                    if let Some(leave) = leaving.remove(&session) {
-                        leave.send_replace(true);
-                    }
-                }
-                PresenceEvent::Replaced => {
-                    log::warn!("another one forwards to this audience now: new viewers go there");
-                    is_set(&mut stop).await;
-                    break;
-                }
-            }
-        }
-        drop(presence);
-        while viewers.join_next().await.is_some() {}
-    }
-
-    /// A time of this side's clock by the sender's; nothing while the two are not compared.
-    fn in_senders_time(&self, here: Micros) -> Option<Micros> {
-        let offset = self.counts.offset_us.load(Relaxed);
-        (offset != UNKNOWN).then(|| Micros(here.0.saturating_add_signed(offset)))
     }
 }

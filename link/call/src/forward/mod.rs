@@ -1,29 +1,38 @@
 //! Forwarding for an audience: one viewer of a sender hands on what it receives to many viewers of a room of its own, so that the sender sends once.
 //!
+//! A [`Forwarder`] has a room and a link of its own for its audience, and the link of the sender; it is believed. [`Halls`] are a server's: they have no link, and
+//! what they hand on is sealed.
+//!
 //! Messages of motion and packets of voice go on as they came: nothing is decoded. Each viewer is told under which session the sender writes. Motion that is predicted from what one viewer has acknowledged would be of no use to another, so the forwarder acknowledges nothing, and each frame
 //! stands by itself. Times stay those of the sender: a viewer that compares clocks is answered in the sender's time.
 
 mod audience;
+mod halls;
+mod room;
 mod upstream;
+
+pub use halls::Halls;
 
 use crate::CallError;
 use crate::plan::Planner;
+use crate::signaling::{HttpRoom, Signaling};
 use crate::voice_track::VoicePacket;
 use audience::Stage;
 use bytes::Bytes;
-use identity::Keyring;
+use identity::{Keyring, PublicKey};
 use link_http::Client;
 use link_playout::Clock;
 use link_protocol::calls::EnterRoom;
 use link_protocol::data_channel::State;
-use link_protocol::{IceServers, RoomLink};
+use link_protocol::{Announcement, IceServers, RoomLink};
+use room::AudienceRoom;
 use serde::Serialize;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::time::Duration;
 use tokio::sync::{broadcast, watch};
 use tokio::task::JoinHandle;
-use upstream::Upstream;
+use upstream::{Until, Upstream};
 
 /// What may wait for one viewer: a third of a second of motion and voice.
 const WAITING: usize = 32;
@@ -42,6 +51,27 @@ enum Forwarded {
     Voice(VoicePacket),
 }
 
+/// Under which session the sender writes, and by which lines what it seals is opened.
+#[derive(Debug, Clone)]
+struct Source {
+    session: u32,
+    seal: Option<Arc<str>>,
+}
+
+impl Source {
+    fn of(session: u32) -> Self {
+        Self {
+            session,
+            seal: None,
+        }
+    }
+
+    /// The newest lines; whether viewers are to be told at once, for there were none.
+    fn seal_with(&mut self, lines: &str) -> bool {
+        self.seal.replace(lines.into()).is_none()
+    }
+}
+
 /// Hands on what one sender sends.
 #[derive(Debug)]
 pub struct Forwarder {
@@ -52,6 +82,9 @@ pub struct Forwarder {
 
 #[derive(Debug)]
 struct Counts {
+    /// Viewers from their offers on.
+    begun: AtomicUsize,
+
     viewers: AtomicUsize,
     joined: AtomicU64,
     messages: AtomicU64,
@@ -60,6 +93,21 @@ struct Counts {
     skipped: AtomicU64,
     /// The sender's clock less this side's, microseconds.
     offset_us: AtomicI64,
+}
+
+impl Default for Counts {
+    fn default() -> Self {
+        Self {
+            begun: AtomicUsize::new(0),
+            viewers: AtomicUsize::new(0),
+            joined: AtomicU64::new(0),
+            messages: AtomicU64::new(0),
+            voice: AtomicU64::new(0),
+            sent: AtomicU64::new(0),
+            skipped: AtomicU64::new(0),
+            offset_us: AtomicI64::new(UNKNOWN),
+        }
+    }
 }
 
 /// What was forwarded so far.
@@ -101,47 +149,24 @@ impl Forwarder {
         let entering = EnterRoom::from(announcement);
         let presence = client.open_presence(&audience, &entering).await?;
         let (stop, stopped) = watch::channel(false);
-        let counts = Arc::new(Counts {
-            viewers: AtomicUsize::new(0),
-            joined: AtomicU64::new(0),
-            messages: AtomicU64::new(0),
-            voice: AtomicU64::new(0),
-            sent: AtomicU64::new(0),
-            skipped: AtomicU64::new(0),
-            offset_us: AtomicI64::new(UNKNOWN),
-        });
-        let (telling, told) = watch::channel(None);
-        let (meeting, met) = watch::channel(None);
-        let (announcing, announced) = watch::channel(announcement);
-        let stage = Stage {
+        let signaling = HttpRoom {
             client: client.clone(),
-            planner: Planner::default(),
-            ice_servers: IceServers::default(),
-            audience,
-            announced,
+            room: source,
+        };
+        let (stage, upstream, sender) =
+            begin(Arc::new(signaling), announcement, clock, most, stopped);
+        let counts = Arc::clone(&stage.counts);
+        let room = AudienceRoom {
+            client,
+            link: audience,
             keys: keys.map(|keys| (keys, permits.into())),
-            sender: met,
-            clock,
-            forwarded: broadcast::Sender::new(WAITING),
-            source: told,
-            stop: stopped,
-            counts: Arc::clone(&counts),
-            most,
+            sender,
         };
         let task = tokio::spawn(async move {
-            let upstream = Upstream {
-                client,
-                planner: Planner::default(),
-                source,
-                clock,
-                announcing,
-                telling,
-                meeting,
-                forwarded: stage.forwarded.clone(),
-                counts: Arc::clone(&stage.counts),
-                stop: stage.stop.clone(),
-            };
-            tokio::join!(upstream.run(), stage.attend(entering, presence));
+            tokio::join!(
+                upstream.run(Until::Stopped),
+                room.attend(stage, entering, presence)
+            );
         });
         Ok(Self { stop, task, counts })
     }
@@ -169,4 +194,41 @@ impl Forwarder {
         }
         last
     }
+}
+
+/// The two sides of a forwarder, before either has begun, and who the sender is.
+fn begin(
+    signaling: Arc<dyn Signaling>,
+    announcement: Announcement,
+    clock: Clock,
+    most: usize,
+    stop: watch::Receiver<bool>,
+) -> (Stage, Upstream, watch::Receiver<Option<PublicKey>>) {
+    let (telling, source) = watch::channel(None);
+    let (meeting, sender) = watch::channel(None);
+    let (announcing, announced) = watch::channel(announcement);
+    let stage = Stage {
+        planner: Planner::default(),
+        server: signaling.room().server().clone(),
+        ice_servers: IceServers::default(),
+        announced,
+        clock,
+        forwarded: broadcast::Sender::new(WAITING),
+        source,
+        stop,
+        counts: Arc::default(),
+        most,
+    };
+    let upstream = Upstream {
+        signaling,
+        planner: Planner::default(),
+        clock,
+        announcing,
+        telling,
+        meeting,
+        forwarded: stage.forwarded.clone(),
+        counts: Arc::clone(&stage.counts),
+        stop: stage.stop.clone(),
+    };
+    (stage, upstream, sender)
 }

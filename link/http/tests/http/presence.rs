@@ -87,6 +87,7 @@ async fn all(presence: &mut Presence) {
     let offer = PresenceEvent::Offer {
         session: s1(),
         sdp: "v=0\r\n".to_owned(),
+        forwards: false,
     };
     assert_eq!(presence.next().await.expect("an event"), offer, "first");
     assert_eq!(

@@ -20,10 +20,10 @@ use test_support::speech::syllables;
 /// More than a call of several has.
 const VIEWERS: usize = 12;
 
-type Frames = HashMap<u32, (u64, Vec<u32>)>;
+pub(crate) type Frames = HashMap<u32, (u64, Vec<u32>)>;
 
 /// Takes each viewer's frames, by their sequences, until each has so many, or it took too long.
-fn frames(viewers: &[Viewer], wanted: usize) -> Vec<Frames> {
+pub(crate) fn frames(viewers: &[Viewer], wanted: usize) -> Vec<Frames> {
     let mut all: Vec<Frames> = viewers.iter().map(|_| Frames::new()).collect();
     let until = Instant::now() + LONGEST_WAIT;
     while all.iter().any(|frames| frames.len() < wanted) {
@@ -47,7 +47,7 @@ fn frames(viewers: &[Viewer], wanted: usize) -> Vec<Frames> {
     all
 }
 
-fn assert_alike(all: &[Frames]) {
+pub(crate) fn assert_alike(all: &[Frames]) {
     let first = all.first().expect("viewers");
     for other in all {
         let both = other

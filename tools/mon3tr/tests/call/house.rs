@@ -229,6 +229,8 @@ pub(crate) struct House {
     pub(crate) address: SocketAddr,
     /// `None` while it is down.
     server: Option<Program>,
+    /// What it is started with besides.
+    serving: Vec<String>,
     reports: Cell<u32>,
     pub(crate) runtime: Runtime,
     /// The sound server of the programs that are started from now on; there is none at first.
@@ -237,6 +239,11 @@ pub(crate) struct House {
 
 impl House {
     pub(crate) fn open() -> Self {
+        Self::open_with(&[])
+    }
+
+    /// The same, with these options of the server's.
+    pub(crate) fn open_with(serving: &[&str]) -> Self {
         let folder = TempDir::new().expect("a temporary folder");
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(1)
@@ -249,6 +256,7 @@ impl House {
             folder,
             address: ([127, 0, 0, 1], 0).into(),
             server: None,
+            serving: serving.iter().map(|&option| option.to_owned()).collect(),
             reports: Cell::new(0),
             runtime,
         };
@@ -258,18 +266,33 @@ impl House {
 
     /// Starts the server: again on the same port and with the same data, if it has run before.
     pub(crate) fn start_server(&mut self) {
-        let data = self.path("server");
-        let arguments = [
-            "serve",
-            "--listen",
-            &self.address.to_string(),
-            "--data",
-            &data,
-        ];
-        let mut server = Program::start(self, self.folder.path(), &arguments);
+        let mut server = self.serve(self.address);
         let address = server.word_after("serving on http://");
         self.address = address.parse().expect("it says an address");
         self.server = Some(server);
+    }
+
+    /// One more on the same data.
+    pub(crate) fn another_server(&self) -> Program {
+        self.serve(([127, 0, 0, 1], 0).into())
+    }
+
+    fn serve(&self, address: SocketAddr) -> Program {
+        let (data, listen) = (self.path("server"), address.to_string());
+        let first = ["serve", "--listen", &listen, "--data", &data];
+        let serving = self.serving.iter().map(String::as_str);
+        let arguments: Vec<&str> = first.into_iter().chain(serving).collect();
+        Program::start(self, self.folder.path(), &arguments)
+    }
+
+    /// All that the server has said so far.
+    pub(crate) fn said_by_server(&self) -> String {
+        self.server.as_ref().expect("it runs").said()
+    }
+
+    /// Waits until the server has said `words` in so many lines.
+    pub(crate) fn server_says(&mut self, words: &str, times: usize) {
+        self.server.as_mut().expect("it runs").says(words, times);
     }
 
     /// As `kill -9`.

@@ -13,14 +13,14 @@ use tempfile::TempDir;
 use test_support::service::{self, Service, attended};
 
 /// Where the programs are.
-fn program(name: &str) -> PathBuf {
+pub(crate) fn program(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../tests/interop")
         .join(name)
 }
 
 /// A Python with aiortc; on CI there must be one.
-fn python() -> Option<String> {
+pub(crate) fn python() -> Option<String> {
     let python = std::env::var("MON3TR_PYTHON")
         .ok()
         .filter(|python| !python.is_empty());
@@ -63,7 +63,7 @@ impl AiortcSender {
     }
 }
 
-fn said(output: &Output) -> Value {
+pub(crate) fn said(output: &Output) -> Value {
     let text = String::from_utf8_lossy(&output.stdout);
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{text}\n{errors}");

@@ -9,6 +9,7 @@ mod both_ways;
 mod command;
 mod demo;
 mod echo;
+mod handover;
 mod headset;
 mod house;
 mod identity;

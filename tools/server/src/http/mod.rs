@@ -10,6 +10,7 @@ mod presence;
 mod rate_limit;
 mod rooms;
 
+use crate::forwarding::Forwarding;
 use crate::ice::Ice;
 use crate::metrics::Metrics;
 use crate::packages::Packages;
@@ -39,6 +40,7 @@ pub(crate) struct App {
     pub(crate) rooms: Arc<Rooms>,
     pub(crate) relay: Option<Relay>,
     pub(crate) ice: Ice,
+    pub(crate) forwarding: Option<Arc<dyn Forwarding>>,
     pub(crate) packages: Packages,
     pub(crate) member_uploads: Arc<MemberUploads>,
     pub(crate) metrics: Arc<Metrics>,
@@ -50,7 +52,7 @@ pub(crate) struct App {
 
 impl App {
     /// Asks the room's sender, on whichever instance it is connected.
-    async fn ask(&self, room: Id, request: RoomRequest) -> RoomReply {
+    pub(crate) async fn ask(&self, room: Id, request: RoomRequest) -> RoomReply {
         match (self.rooms.presence(room), &self.relay) {
             (Some(presence), _) => presence.ask(request).await,
             (None, Some(relay)) => relay.ask(room, &request).await,

@@ -132,6 +132,8 @@ struct EventStream {
 enum Next {
     /// A comment, because proxies pass nothing on before the first bytes.
     Comment,
+    /// That the server forwards, if it does.
+    Forwards,
     Event,
     /// The end.
     Nothing,
@@ -141,8 +143,15 @@ impl EventStream {
     async fn next(mut self) -> Option<(Result<SseEvent, Infallible>, Self)> {
         let event = match self.next {
             Next::Comment => {
-                self.next = Next::Event;
+                self.next = match self.app.forwarding {
+                    Some(_) => Next::Forwards,
+                    None => Next::Event,
+                };
                 SseEvent::default().comment("here")
+            }
+            Next::Forwards => {
+                self.next = Next::Event;
+                sse(&PresenceEvent::Forwards)
             }
             Next::Event => tokio::select! {
                 biased;

@@ -1,6 +1,7 @@
 //! Opening rooms, joining them, leaving them, and the sender's answers.
 
 use super::{App, HttpError};
+use crate::forwarding::{HandedOver, SendersRoom};
 use crate::Id;
 use crate::rooms::{RoomReply, RoomRequest};
 use crate::token::{Claims, Role, now};
@@ -10,6 +11,7 @@ use axum::extract::{Extension, Path, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::{Json, http::HeaderValue};
+use link_protocol::Refusal;
 use link_protocol::limits::DEFAULT_ROOM_LIFETIME;
 use link_protocol::rooms::{OpenRoom, OpenedRoom, RoomStatus, SDP_MEDIA_TYPE};
 use std::sync::Arc;
@@ -83,8 +85,28 @@ pub(super) async fn join(
     let room = room_of(&app, &claims, &[Role::Viewer], &room)?;
     let sdp = sdp(&headers, body)?;
     let session = random()?;
-    match app.ask(room, RoomRequest::Offer { session, sdp }).await {
+    let offer = app.forwarding.is_some().then(|| sdp.clone());
+    let request = RoomRequest::Offer {
+        session,
+        sdp,
+        forwards: false,
+    };
+    match app.ask(room, request).await {
         RoomReply::Answer { sdp } => {
+            let handed_over = match (&app.forwarding, offer) {
+                (Some(forwarding), Some(offer)) if Refusal::read(&sdp) == Some(Refusal::Full) => {
+                    let viewer = HandedOver {
+                        room: SendersRoom::new(&app, room),
+                        session: session.into(),
+                        offer,
+                        ice_servers: app.ice.servers(&headers, room, claims.expires),
+                    };
+                    forwarding.take(viewer).await
+                }
+                _ => None,
+            };
+            // Else the viewer is told that there are too many.
+            let sdp = handed_over.unwrap_or(sdp);
             app.metrics.viewers_joined.inc();
             let headers = [
                 (header::CONTENT_TYPE, SDP_MEDIA_TYPE.to_owned()),
@@ -126,6 +148,9 @@ pub(super) async fn leave(
 ) -> Result<StatusCode, HttpError> {
     let room = room_of(&app, &claims, &[Role::Viewer], &room)?;
     let session = Id::parse(&session).ok_or(HttpError::NotFound)?;
+    if let Some(forwarding) = &app.forwarding {
+        forwarding.leave(&session.into());
+    }
     match app.ask(room, RoomRequest::Leave { session }).await {
         RoomReply::Done => Ok(StatusCode::NO_CONTENT),
         other => Err(refused(&other)),

@@ -55,7 +55,7 @@ async fn our_client_puts_opens_enters_joins_fetches_and_leaves() -> Outcome {
     );
 
     let sender = async {
-        let PresenceEvent::Offer { session, sdp } = presence.next().await? else {
+        let PresenceEvent::Offer { session, sdp, .. } = presence.next().await? else {
             panic!("the first event is the offer");
         };
         assert_eq!(sdp, OFFER, "the viewer's own offer");

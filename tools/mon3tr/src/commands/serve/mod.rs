@@ -1,16 +1,20 @@
 //! `mon3tr serve`: signaling and avatar store for calls.
 
+mod forwarding;
+
 #[cfg(feature = "operator")]
 mod operator;
 
 use crate::device_options::{cache, make_folder};
 use crate::network::{Network, asked_to_end};
 use anyhow::Context;
+use forwarding::Forwarder;
 use link_protocol::ice::IceUrl;
 use server::{Config, Secret, Server, StoreConfig, TurnConfig};
 use std::io::Write;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Owner of the rooms and packages of the server's operator.
 const HOST: &str = "host";
@@ -46,6 +50,9 @@ pub struct Options {
     /// A STUN server of others, which tells senders and viewers their own addresses; may be given several times. `--turn` has one
     #[arg(long, value_name = "URL")]
     stun: Vec<IceUrl>,
+    /// Forward to the viewers of a sender beyond the eighth, sealed, so that this server cannot read it; so many viewers at most, of all rooms together
+    #[arg(long, value_name = "VIEWERS", num_args = 0..=1, default_missing_value = "500")]
+    forward: Option<usize>,
     #[cfg(feature = "operator")]
     #[command(flatten)]
     operator: operator::OperatorOptions,
@@ -123,6 +130,11 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     let scheme = options.operator.scheme();
     #[cfg(not(feature = "operator"))]
     let scheme = "http";
+    if let Some(viewers) = options.forward {
+        let address = SocketAddr::new(reachable(options.listen.ip()), options.listen.port());
+        let address = format!("{scheme}://{address}").parse()?;
+        config.forwarding = Some(Arc::new(Forwarder::new(address, viewers)));
+    }
     let network = Network::start()?;
     network.block_on(async {
         let mut server = Server::start(config).await.context("cannot serve")?;
@@ -133,6 +145,9 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
                 "relaying calls that find no direct way on port {}, UDP and TCP",
                 relay.port()
             );
+        }
+        if let Some(viewers) = options.forward {
+            println!("forwarding to at most {viewers} viewers whose senders have many");
         }
         println!(
             "the owner's token, which opens rooms and puts avatars, is in {}: keep it to yourself",

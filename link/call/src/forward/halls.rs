@@ -1,0 +1,191 @@
+//! Forwarding within a server, for the rooms whose senders ask it to: a hall for each, which is open while there are viewers in it.
+
+use super::audience::{Reply, Stage};
+use super::upstream::Until;
+use super::begin;
+use crate::CallError;
+use crate::introduction;
+use crate::signaling::Signaling;
+use link_playout::Clock;
+use link_protocol::limits::ANSWER_WITHIN;
+use link_protocol::{Announcement, IceServers, Name};
+use std::collections::HashMap;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::sync::{oneshot, watch};
+use tokio::time::{MissedTickBehavior, interval, timeout};
+
+/// A hall that is empty for so long is closed.
+const EMPTY: Duration = Duration::from_secs(10);
+/// How often that is looked at.
+const LOOK: Duration = Duration::from_millis(500);
+
+/// A sender that is away for so long has left its audience, which then looks for it by itself.
+const AWAY: Duration = Duration::from_secs(10);
+
+/// The halls of one server. Clones share them.
+#[derive(Debug, Clone)]
+pub struct Halls {
+    open: Arc<Mutex<HashMap<Name, Hall>>>,
+    /// Viewers at once, of all halls together.
+    most: usize,
+    clock: Clock,
+}
+
+struct Hall {
+    stage: Stage,
+    /// By session; dropping one makes its viewer's connection end.
+    leaving: HashMap<Name, watch::Sender<bool>>,
+}
+
+impl std::fmt::Debug for Hall {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Hall").finish_non_exhaustive()
+    }
+}
+
+/// An answer within this process.
+struct Here(oneshot::Sender<String>);
+
+#[async_trait::async_trait]
+impl Reply for Here {
+    async fn answer(self, _: Announcement, _: &str, answer: &str) -> Result<(), CallError> {
+        let answer = introduction::introduce_forwarder(answer);
+        // Where the request has ended its viewer is gone.
+        self.0.send(answer).map_err(|_| CallError::NotConnected)
+    }
+}
+
+impl Halls {
+    /// None is open yet; `most` viewers are taken, in all together.
+    #[must_use]
+    pub fn new(most: usize) -> Self {
+        Self {
+            open: Arc::default(),
+            most,
+            clock: Clock::start(),
+        }
+    }
+
+    /// Takes a viewer of this room, whom the sender hands over: the answer to its offer. In tasks of the current tokio runtime.
+    ///
+    /// # Errors
+    /// [`CallError::TooManyViewers`], [`CallError::SenderAbsent`], or if no connection can be made of the offer.
+    pub async fn take(
+        &self,
+        room: Arc<dyn Signaling>,
+        session: Name,
+        ice_servers: IceServers,
+        offer: String,
+    ) -> Result<String, CallError> {
+        // Before the hall is looked for: between the two nothing may be waited for.
+        let status = room.status().await?;
+        let (answer, answered) = oneshot::channel();
+        {
+            let mut open = self.locked();
+            let begun: usize = open.values().map(Hall::begun).sum();
+            if begun >= self.most {
+                log::warn!("a viewer is refused: {begun} are forwarded to already");
+                return Err(CallError::TooManyViewers);
+            }
+            let name = room.room().room().clone();
+            let hall = open
+                .entry(name)
+                .or_insert_with(|| self.begin(room, status.announcement));
+            let place = hall.stage.place().ok_or(CallError::TooManyViewers)?;
+            let (leave, left) = watch::channel(false);
+            hall.leaving.retain(|_, leave| !leave.is_closed());
+            hall.leaving.insert(session, leave);
+            let mut stage = hall.stage.clone();
+            stage.ice_servers = ice_servers;
+            tokio::spawn(async move {
+                if let Err(error) = stage.serve(place, offer, Here(answer), left).await {
+                    log::debug!("a viewer could not join: {error}");
+                }
+            });
+        }
+        let answered = timeout(ANSWER_WITHIN, answered).await;
+        let answered = answered.ok().and_then(Result::ok);
+        answered.ok_or(CallError::NotConnected)
+    }
+
+    /// Lets a viewer go that says by the server that it has left.
+    pub fn leave(&self, session: &Name) {
+        for hall in self.locked().values_mut() {
+            hall.leaving.remove(session);
+        }
+    }
+
+    /// Viewers that are forwarded to now.
+    #[must_use]
+    pub fn viewers(&self) -> usize {
+        let open = self.locked();
+        let viewers = open.values().map(|hall| &hall.stage.counts.viewers);
+        viewers.map(|viewers| viewers.load(Relaxed)).sum()
+    }
+
+    /// Opens a hall, which closes itself.
+    fn begin(&self, room: Arc<dyn Signaling>, announcement: Announcement) -> Hall {
+        let (stop, stopped) = watch::channel(false);
+        let name = room.room().room().clone();
+        let (stage, upstream, _) = begin(room, announcement, self.clock, self.most, stopped);
+        let hall = Hall {
+            stage: stage.clone(),
+            leaving: HashMap::new(),
+        };
+        let halls = self.clone();
+        tokio::spawn(async move {
+            log::info!("forwarding begins in room {name}");
+            let mut announced = stage.announced.clone();
+            let (has_hung_up, hall) = tokio::select! {
+                has_hung_up = upstream.run(Until::Gone(AWAY)) => (has_hung_up, halls.locked().remove(&name)),
+                // Another avatar, say: viewers find it out where they join.
+                _ = announced.changed() => (false, halls.locked().remove(&name)),
+                hall = halls.emptied(&name, &stage) => (false, hall),
+            };
+            // Who is still there is told goodbye where the sender has said it. Else the connections end, and the viewers join again.
+            if has_hung_up {
+                stop.send_replace(true);
+                let mut looks = interval(LOOK);
+                while stage.counts.begun.load(Relaxed) > 0 {
+                    looks.tick().await;
+                }
+            }
+            drop(hall);
+            log::info!("forwarding has ended in room {name}");
+        });
+        hall
+    }
+
+    /// Waits until nobody has been in the hall for long, and closes it to newcomers.
+    async fn emptied(&self, name: &Name, stage: &Stage) -> Option<Hall> {
+        let mut looks = interval(LOOK);
+        looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut empty_for = Duration::ZERO;
+        loop {
+            looks.tick().await;
+            // With the lock nobody enters meanwhile.
+            let mut open = self.locked();
+            empty_for = match stage.counts.begun.load(Relaxed) {
+                0 => empty_for + LOOK,
+                _ => Duration::ZERO,
+            };
+            if empty_for > EMPTY {
+                return open.remove(name);
+            }
+        }
+    }
+
+    fn locked(&self) -> MutexGuard<'_, HashMap<Name, Hall>> {
+        // Every hall is whole after a panic elsewhere.
+        self.open.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Hall {
+    /// Viewers from their offers on.
+    fn begun(&self) -> usize {
+        self.stage.counts.begun.load(Relaxed)
+    }
+}

@@ -1,0 +1,384 @@
+//! What a sender seals so that a server can hand it on to many viewers and not read or change it: every frame, state and packet of voice by ChaCha20-Poly1305
+//! (RFC 8439), with a key that is derived from the link's secret, which no server has, and a salt of the connection. Who seals, the sender shows
+//! by the same lines as in an answer; their text has the time, so that what was recorded is of no use later.
+//!
+//! All viewers have the same key. One of them that works together with the server could make up what the others see; `docs/security.md` says so.
+
+use crate::CallError;
+use crate::introduction::{self, Authentication, Credentials};
+use crate::voice_track::VoicePacket;
+use bytes::Bytes;
+use data_encoding::BASE64URL_NOPAD;
+use identity::{PublicKey, Purpose};
+use link_protocol::sealed::{Header, TAG_BYTES};
+use link_protocol::{LinkSecret, PackageId, RoomLink};
+use ring::aead::{Aad, CHACHA20_POLY1305, LessSafeKey, NONCE_LEN, Nonce, UnboundKey};
+use ring::hmac;
+
+/// How the lines begin: `SALT TIME`, the salt in base64url, the time in Unix seconds.
+const SEAL_LINE: &str = "a=mon3tr-seal:";
+
+const SALT_BYTES: usize = 16;
+
+/// How far the clocks of a sender and a viewer may be apart, and how long after it was sent a recording could be shown, seconds.
+const CLOCKS_APART: u64 = 600;
+
+/// Packets of voice begin with their counter.
+const COUNTER_BYTES: usize = 4;
+
+/// What is sealed; the first byte of a nonce, for each kind is counted by itself.
+#[derive(Clone, Copy)]
+enum Kind {
+    Message = 0,
+    Voice = 1,
+}
+
+/// The sender's end, for one forwarder.
+pub(crate) struct Sealer {
+    key: LessSafeKey,
+    room: RoomLink,
+    avatar: PackageId,
+    salt: String,
+    messages: u32,
+    packets: u32,
+}
+
+impl std::fmt::Debug for Sealer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Sealer").finish_non_exhaustive()
+    }
+}
+
+impl Sealer {
+    /// For a connection; nothing where the room's link has no secret, and so nobody could open.
+    pub(crate) fn new(room: &RoomLink, avatar: PackageId) -> Result<Option<Self>, CallError> {
+        let Some(secret) = room.secret() else {
+            return Ok(None);
+        };
+        let mut salt = [0; SALT_BYTES];
+        getrandom::fill(&mut salt)?;
+        let salt = BASE64URL_NOPAD.encode(&salt);
+        Ok(Some(Self {
+            key: key(secret, room, avatar, &salt)?,
+            room: room.clone(),
+            avatar,
+            salt,
+            messages: 0,
+            packets: 0,
+        }))
+    }
+
+    /// The lines by which viewers find the key and see who seals, which hold for some minutes.
+    pub(crate) fn lines(&self, own: Option<&Credentials>) -> String {
+        let seal = format!("{} {}", self.salt, introduction::now());
+        let text = of_seal(&self.room, self.avatar, &seal);
+        let lines = introduction::lines(own, &self.room, Purpose::Seal, &text);
+        format!("{SEAL_LINE}{seal}\r\n{lines}")
+    }
+
+    /// Writes `message` sealed into `out`, which is cleared first; whether that was possible.
+    pub(crate) fn message(&mut self, session: u32, message: &[u8], out: &mut Vec<u8>) -> bool {
+        let Some(counter) = next(&mut self.messages) else {
+            return false;
+        };
+        let header = Header { session, counter }.bytes();
+        out.clear();
+        out.extend(header);
+        out.extend(message);
+        let nonce = nonce(Kind::Message, counter);
+        let sealed = &mut out[header.len()..];
+        match (self.key).seal_in_place_separate_tag(nonce, Aad::from(header), sealed) {
+            Ok(tag) => {
+                out.extend(tag.as_ref());
+                true
+            }
+            Err(_) => false,
+        }
+    }
+
+    /// A packet of voice with this time stamp, sealed.
+    pub(crate) fn voice(&mut self, timestamp: u32, opus: &[u8]) -> Option<Bytes> {
+        let counter = next(&mut self.packets)?;
+        let mut packet = Vec::with_capacity(COUNTER_BYTES + opus.len() + TAG_BYTES);
+        packet.extend(counter.to_le_bytes());
+        packet.extend(opus);
+        let nonce = nonce(Kind::Voice, counter);
+        let aad = Aad::from(timestamp.to_le_bytes());
+        let sealed = &mut packet[COUNTER_BYTES..];
+        let tag = self.key.seal_in_place_separate_tag(nonce, aad, sealed);
+        packet.extend(tag.ok()?.as_ref());
+        Some(packet.into())
+    }
+}
+
+/// A counter's next value; nothing once it has been through all of them, after two years.
+fn next(counter: &mut u32) -> Option<u32> {
+    *counter = counter.checked_add(1)?;
+    Some(*counter)
+}
+
+/// A viewer's end.
+pub(crate) struct Opener {
+    key: LessSafeKey,
+    /// The seal's line, without the time.
+    salt: String,
+    messages: Replays,
+    packets: Replays,
+}
+
+impl std::fmt::Debug for Opener {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Opener").finish_non_exhaustive()
+    }
+}
+
+impl Opener {
+    /// By a seal's lines, of a sender that `authentication` takes; who that is, where it says so.
+    pub(crate) fn new(
+        authentication: &Authentication,
+        room: &RoomLink,
+        avatar: PackageId,
+        lines: &str,
+    ) -> Result<(Self, Option<PublicKey>), CallError> {
+        let (seal, salt, time) = read(lines).ok_or(CallError::NoLink)?;
+        let text = of_seal(room, avatar, seal);
+        let sender = authentication.check_sender(room, Purpose::Seal, &text, lines)?;
+        let now = introduction::now();
+        if now.abs_diff(time) > CLOCKS_APART {
+            let apart = now.abs_diff(time);
+            return Err(CallError::OldSeal { apart });
+        }
+        let secret = room.secret().ok_or(CallError::NoLink)?;
+        let opener = Self {
+            key: key(secret, room, avatar, salt)?,
+            salt: salt.to_owned(),
+            messages: Replays::default(),
+            packets: Replays::default(),
+        };
+        Ok((opener, sender))
+    }
+
+    /// Whether these lines are of the same seal: it is told again and again.
+    pub(crate) fn is_of(&self, lines: &str) -> bool {
+        read(lines).is_some_and(|(_, salt, _)| salt == self.salt)
+    }
+
+    /// The message within a sealed one of `session`; nothing for any other, one that someone changed, and one that comes again.
+    pub(crate) fn message(&mut self, session: u32, sealed: &[u8]) -> Option<Vec<u8>> {
+        let (header, rest) = Header::read(sealed)?;
+        if header.session != session {
+            return None;
+        }
+        let nonce = nonce(Kind::Message, header.counter);
+        let message = self.open(nonce, &header.bytes(), rest)?;
+        self.messages.is_new(header.counter).then_some(message)
+    }
+
+    /// A packet of voice as it was said.
+    pub(crate) fn voice(&mut self, packet: &VoicePacket) -> Option<VoicePacket> {
+        let (counter, rest) = packet.opus.split_first_chunk()?;
+        let counter = u32::from_le_bytes(*counter);
+        let nonce = nonce(Kind::Voice, counter);
+        let opus = self.open(nonce, &packet.timestamp.to_le_bytes(), rest)?;
+        self.packets.is_new(counter).then(|| VoicePacket {
+            timestamp: packet.timestamp,
+            opus: opus.into(),
+        })
+    }
+
+    fn open(&self, nonce: Nonce, aad: &[u8], sealed: &[u8]) -> Option<Vec<u8>> {
+        let mut bytes = sealed.to_vec();
+        let opened = self.key.open_in_place(nonce, Aad::from(aad), &mut bytes);
+        let length = opened.ok()?.len();
+        bytes.truncate(length);
+        Some(bytes)
+    }
+}
+
+/// Which counters have come: the newest, and a bit for each of the 64 before it (as RFC 3711, section 3.3.2).
+#[derive(Debug, Default)]
+struct Replays {
+    newest: u32,
+    before: u64,
+}
+
+impl Replays {
+    /// Whether this one has not come yet and is not far older than the newest.
+    fn is_new(&mut self, counter: u32) -> bool {
+        if counter > self.newest {
+            let ahead = counter - self.newest;
+            // The newest itself becomes one of those before.
+            let shifted = self.before.checked_shl(ahead).unwrap_or(0);
+            self.before = shifted | 1u64.checked_shl(ahead - 1).unwrap_or(0);
+            self.newest = counter;
+            return true;
+        }
+        let behind = self.newest - counter;
+        let Some(bit) = behind.checked_sub(1).and_then(|at| 1u64.checked_shl(at)) else {
+            return false;
+        };
+        let is_new = self.before & bit == 0;
+        self.before |= bit;
+        is_new
+    }
+}
+
+/// The seal, its salt and its time.
+fn read(lines: &str) -> Option<(&str, &str, u64)> {
+    let seal = introduction::only(lines, SEAL_LINE).ok()??;
+    let (salt, time) = seal.split_once(' ')?;
+    let is_salt = salt.len() == BASE64URL_NOPAD.encode_len(SALT_BYTES);
+    is_salt.then_some((seal, salt, time.parse().ok()?))
+}
+
+/// What is signed.
+fn of_seal(room: &RoomLink, avatar: PackageId, seal: &str) -> String {
+    format!("{}\n{avatar}\n{seal}", room.room())
+}
+
+fn key(
+    secret: &LinkSecret,
+    room: &RoomLink,
+    avatar: PackageId,
+    salt: &str,
+) -> Result<LessSafeKey, CallError> {
+    let secret = hmac::Key::new(hmac::HMAC_SHA256, secret.bytes());
+    let text = Purpose::Seal.text(format!("key\n{}", of_seal(room, avatar, salt)).as_bytes());
+    let key = hmac::sign(&secret, &text);
+    let key = UnboundKey::new(&CHACHA20_POLY1305, key.as_ref()).map_err(|_| CallError::NoLink)?;
+    Ok(LessSafeKey::new(key))
+}
+
+/// The kind, seven zeros, the counter.
+fn nonce(kind: Kind, counter: u32) -> Nonce {
+    let mut nonce = [0; NONCE_LEN];
+    nonce[0] = kind as u8;
+    nonce[NONCE_LEN - COUNTER_BYTES..].copy_from_slice(&counter.to_le_bytes());
+    Nonce::assume_unique_for_key(nonce)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use identity::Identity;
+
+    fn room(name: &str, secret: u8) -> RoomLink {
+        let server = "http://127.0.0.1:1".parse().expect("an address");
+        let room = RoomLink::of(server, name, "token").expect("a room");
+        room.with_secret(LinkSecret::new([secret; 16]))
+    }
+
+    fn avatar(digit: &str) -> PackageId {
+        digit.repeat(64).parse().expect("a hash")
+    }
+
+    fn identity(seed: u8) -> Identity {
+        Identity::from_seed(&[seed; 32]).expect("a key")
+    }
+
+    fn pair(own: Option<&Credentials>) -> (Sealer, String) {
+        let sealer = Sealer::new(&room("r1", 1), avatar("a"));
+        let sealer = sealer.expect("random").expect("a secret");
+        let lines = sealer.lines(own);
+        (sealer, lines)
+    }
+
+    fn opener(lines: &str) -> Opener {
+        let everyone = Authentication::default();
+        let opened = Opener::new(&everyone, &room("r1", 1), avatar("a"), lines);
+        opened.expect("the seal").0
+    }
+
+    #[test]
+    fn what_is_sealed_is_opened_once_and_by_none_without_the_link() {
+        let (mut sealer, lines) = pair(None);
+        let mut opener = opener(&lines);
+        assert!(opener.is_of(&sealer.lines(None)), "told again");
+        let mut sealed = Vec::new();
+        assert!(sealer.message(5, b"a frame", &mut sealed));
+        assert!(!sealed.windows(7).any(|part| part == b"a frame"));
+        assert_eq!(opener.message(6, &sealed), None, "another session");
+        assert_eq!(opener.message(5, &sealed).as_deref(), Some(&b"a frame"[..]));
+        assert_eq!(opener.message(5, &sealed), None, "it comes again");
+        let mut second = Vec::new();
+        assert!(sealer.message(5, b"a frame", &mut second));
+        assert_ne!(sealed[9..], second[9..]);
+        for at in 0..second.len() {
+            let mut changed = second.clone();
+            changed[at] ^= 1;
+            assert_eq!(opener.message(5, &changed), None, "byte {at}");
+        }
+        assert!(opener.message(5, &second).is_some());
+        let (other, _) = pair(None);
+        assert!(!opener.is_of(&other.lines(None)), "another connection");
+        let everyone = Authentication::default();
+        for (room, avatar) in [
+            (room("r1", 2), avatar("a")),
+            (room("r2", 1), avatar("a")),
+            (room("r1", 1), avatar("b")),
+        ] {
+            let refused = Opener::new(&everyone, &room, avatar, &lines);
+            assert!(matches!(refused, Err(CallError::NoLink)), "{refused:?}");
+        }
+    }
+
+    #[test]
+    fn a_voice_is_sealed_with_its_time() {
+        let (mut sealer, lines) = pair(None);
+        let mut opener = opener(&lines);
+        let opus = sealer.voice(960, b"opus").expect("sealed");
+        let packet = VoicePacket { timestamp: 960, opus };
+        let moved = VoicePacket { timestamp: 1920, ..packet.clone() };
+        assert!(opener.voice(&moved).is_none(), "at another time");
+        let heard = opener.voice(&packet).expect("as it was said");
+        assert_eq!((heard.timestamp, &*heard.opus), (960, &b"opus"[..]));
+        assert!(opener.voice(&packet).is_none(), "it comes again");
+        let plain = VoicePacket { timestamp: 960, opus: Bytes::from_static(b"opu") };
+        assert!(opener.voice(&plain).is_none(), "not sealed");
+    }
+
+    #[test]
+    fn a_seal_shows_who_seals_and_is_not_of_yesterday() {
+        let owner = Credentials::new(identity(1));
+        let (sealer, lines) = pair(Some(&owner));
+        let check = |lines: &str, expected: u8, signer| {
+            let authentication = Authentication { own: None, signer };
+            let room = room("r1", 1).with_key(identity(expected).public().hash());
+            Opener::new(&authentication, &room, avatar("a"), lines).map(|(_, sender)| sender)
+        };
+        let sender = check(&lines, 1, Some(identity(1).public())).expect("the owner");
+        assert_eq!(sender, Some(identity(1).public()));
+        let wrong = check(&lines, 2, None);
+        assert!(matches!(wrong, Err(CallError::WrongKey { .. })), "{wrong:?}");
+        let wrong = check(&lines, 1, Some(identity(2).public()));
+        assert!(matches!(wrong, Err(CallError::NotTheirAvatar { .. })), "{wrong:?}");
+        let unsigned = check(&sealer.lines(None), 1, None);
+        assert!(matches!(unsigned, Err(CallError::NoKey)), "{unsigned:?}");
+        // What was recorded ten minutes ago, and the same with another time.
+        let recorded = introduction::now() - CLOCKS_APART - 5;
+        let seal = format!("{} {recorded}", sealer.salt);
+        let text = of_seal(&sealer.room, sealer.avatar, &seal);
+        let shown = introduction::lines(Some(&owner), &sealer.room, Purpose::Seal, &text);
+        let old = check(&format!("{SEAL_LINE}{seal}\r\n{shown}"), 1, None);
+        assert!(matches!(old, Err(CallError::OldSeal { .. })), "{old:?}");
+        let renewed = format!("{SEAL_LINE}{} {}\r\n{shown}", sealer.salt, introduction::now());
+        let renewed = check(&renewed, 1, None);
+        assert!(matches!(renewed, Err(CallError::NoLink)), "{renewed:?}");
+    }
+
+    #[test]
+    fn a_counter_is_taken_once_in_any_order_and_not_from_long_ago() {
+        let mut replays = Replays::default();
+        let mut seen = std::collections::HashSet::new();
+        let mut random = fastrand::Rng::with_seed(3);
+        for at in 1..20_000u32 {
+            let counter = (at + 30).saturating_sub(random.u32(0..60)).max(1);
+            let is_new = replays.is_new(counter);
+            assert_eq!(is_new, seen.insert(counter), "{counter} at {at}");
+        }
+        assert!(replays.is_new(30_000), "far ahead");
+        assert!(!replays.is_new(29_935), "too long ago to be known");
+        assert!(replays.is_new(29_936));
+        assert!(!replays.is_new(0), "which none has");
+    }
+}

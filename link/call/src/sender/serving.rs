@@ -1,0 +1,306 @@
+//! One viewer of a sender: its connection, what it is sent, and what it sends back.
+
+use super::{MAX_VIEWERS, Shared};
+use crate::introduction;
+use crate::path::Path;
+use crate::peer::{Peer, PeerEvent, SendOutcome};
+use crate::seal::Sealer;
+use crate::telling::{Repeated, Telling};
+use crate::{CallError, answer_bye, is_set, send_bye};
+use identity::PublicKey;
+use link_codec::{Encoder, Micros, MotionFrame};
+use link_protocol::data_channel::{Message, Pong, State};
+use link_protocol::{Name, Refusal, RoomLink, sealed};
+use link_voice::{Voice, timestamp};
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
+use tokio::sync::{OwnedSemaphorePermit, broadcast, watch};
+use tokio::time::{Instant, sleep_until, timeout};
+
+/// From an offer to the open channel.
+const OPEN_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// A viewer sends feedback at least five times a second; after a silence this long it is dropped.
+const SILENCE_TIMEOUT: Duration = Duration::from_secs(4);
+
+/// A viewer's silence after which this side's own way to the server is doubted, too: its router may have another address now, of which
+/// this machine is told nothing. The viewer offers a new connection a little later ([`crate::viewer`]), which has to find this side in the
+/// room.
+const DOUBT: Duration = Duration::from_millis(600);
+
+/// A viewer's offer.
+pub(super) struct Offer {
+    pub(super) sdp: String,
+    /// It is of the server's forwarder.
+    pub(super) forwards: bool,
+}
+
+/// What goes to one viewer: as it is, or sealed for a forwarder to hand on.
+struct Outlet<'a> {
+    peer: &'a mut Peer,
+    sealer: Option<Sealer>,
+    session: u32,
+    sealed: Vec<u8>,
+}
+
+impl Outlet<'_> {
+    async fn send(&mut self, message: &[u8]) -> SendOutcome {
+        let Some(sealer) = &mut self.sealer else {
+            return self.peer.try_send(message).await;
+        };
+        if !sealer.message(self.session, message, &mut self.sealed) {
+            return SendOutcome::Closed;
+        }
+        self.peer.try_send(&self.sealed).await
+    }
+
+    async fn say(&mut self, Voice { captured, opus }: Voice) -> bool {
+        let timestamp = timestamp::from_time(captured);
+        let opus = match &mut self.sealer {
+            Some(sealer) => sealer.voice(timestamp, &opus),
+            None => Some(opus),
+        };
+        match opus {
+            Some(opus) => self.peer.send_voice(timestamp, opus).await,
+            None => false,
+        }
+    }
+}
+
+impl Shared {
+    /// Takes the side that offers, or answers that it is not taken; the place that it has, and what seals for it.
+    async fn admit(
+        &self,
+        room: &RoomLink,
+        name: &Name,
+        offer: &Offer,
+    ) -> Result<(Admitted, Option<Sealer>), CallError> {
+        // A forwarder has nothing to prove: what it gets is of no use to it.
+        let (viewer, sealer) = if offer.forwards {
+            (None, Sealer::new(room, self.avatar)?)
+        } else {
+            let viewer = introduction::admit_viewer(&self.client, room, name, &offer.sdp).await?;
+            (viewer, None)
+        };
+        let place = match &self.places {
+            Some(places) if offer.forwards => Arc::clone(&places.forwarders).try_acquire_owned(),
+            Some(places) => Arc::clone(&places.viewers).try_acquire_owned(),
+            None if self.counts.viewers.load(Relaxed) < MAX_VIEWERS => {
+                return Ok((Admitted { viewer, _place: None }, sealer));
+            }
+            None => Err(tokio::sync::TryAcquireError::NoPermits),
+        };
+        let Ok(place) = place else {
+            (self.client.answer(room, name, &Refusal::Full.answer())).await?;
+            return Err(CallError::TooManyViewers);
+        };
+        let admitted = Admitted {
+            viewer,
+            _place: Some(place),
+        };
+        Ok((admitted, sealer))
+    }
+}
+
+/// A viewer that is taken.
+struct Admitted {
+    /// Who it is, where it says so.
+    viewer: Option<PublicKey>,
+    _place: Option<OwnedSemaphorePermit>,
+}
+
+/// One viewer from its offer to its end.
+pub(super) async fn serve_viewer(
+    mut shared: Shared,
+    name: &Name,
+    offer: Offer,
+    mut left: watch::Receiver<bool>,
+) -> Result<(), CallError> {
+    // Where the offer came from: another seat may be taken meanwhile.
+    let room = shared.venue.room();
+    let plan = (shared.planner)
+        .plan(room.server(), &shared.ice_servers)
+        .await;
+    let relay = plan.relay.clone();
+    let (admitted, sealer) = match shared.admit(&room, name, &offer).await {
+        // The server hands it over, and the performer has nothing to do about it.
+        Err(CallError::TooManyViewers) if shared.places.is_some() => {
+            log::debug!("a viewer is handed over to the server");
+            return Ok(());
+        }
+        admitted => admitted?,
+    };
+    let Offer { sdp: offer, forwards } = offer;
+    let (mut peer, answer) = Peer::answer(plan, shared.channel, offer.clone()).await?;
+    let own = shared.credentials.as_ref();
+    let answer = introduction::introduce_sender(own, &room, shared.avatar, &offer, &answer)?;
+    // The viewer's first feedback has the session's number.
+    let introduced = timeout(OPEN_TIMEOUT, async {
+        shared.client.answer(&room, name, &answer).await?;
+        peer.opened().await?;
+        loop {
+            match peer.next().await {
+                PeerEvent::Message(bytes) => {
+                    if let Some(session) = Message::session_of_feedback(&bytes) {
+                        return Ok(session);
+                    }
+                }
+                PeerEvent::Closed => return Err(CallError::NotConnected),
+                PeerEvent::Open | PeerEvent::Voice(_) => {}
+            }
+        }
+    });
+    let mut stop = shared.stop.clone();
+    let session = tokio::select! {
+        session = introduced => session.map_err(|_| CallError::NoWay { relay })??,
+        () = is_set(&mut left) => return Ok(()),
+        () = is_set(&mut stop) => return Ok(()),
+    };
+    shared.opening.end(name);
+    // Before the viewer is counted: its sequences begin at 1 with the first frame captured from now on.
+    let before = shared.frames.borrow_and_update().sequence;
+    let counts = Arc::clone(&shared.counts);
+    counts.viewers.fetch_add(1, Relaxed);
+    counts.joined.fetch_add(1, Relaxed);
+    let path = peer.path().await;
+    let key = (admitted.viewer).map(|key| format!(" with the key {}", key.fingerprint()));
+    let who = if forwards { "the server's forwarder" } else { "a viewer" };
+    log::info!(
+        "{who} has joined{} (session {session:08x}): {}",
+        key.unwrap_or_default(),
+        Path::told(path.as_ref())
+    );
+    if let Some(path) = path {
+        counts.took(path);
+    }
+    let outlet = Outlet {
+        peer: &mut peer,
+        sealer,
+        session,
+        sealed: Vec::new(),
+    };
+    let why = send_motion(&mut shared, before, outlet, &mut left).await;
+    counts.viewers.fetch_sub(1, Relaxed);
+    log::info!("{who} has left (session {session:08x}): {why}");
+    peer.close().await;
+    Ok(())
+}
+
+/// Sends every frame after `before` until the viewer or this side leaves; returns why it ended.
+async fn send_motion(
+    shared: &mut Shared,
+    before: u32,
+    mut outlet: Outlet<'_>,
+    left: &mut watch::Receiver<bool>,
+) -> &'static str {
+    let session = outlet.session;
+    let mut encoder = Encoder::new(shared.codec, session);
+    let mut out = Vec::with_capacity(1024);
+    let mut silent_at = Instant::now() + SILENCE_TIMEOUT;
+    let mut doubt_at = Some(Instant::now() + DOUBT);
+    let mut last = before;
+    // What was said before is over.
+    let mut voice = shared.voice.subscribe();
+    let mut losses = shared.copies.join(shared.channel);
+    let mut telling = Telling::begin(&shared.privacy);
+    let mut seals = Repeated::default();
+    loop {
+        tokio::select! {
+            // In this order: the last frame before the bye, the bye before any flood of the viewer's, and its messages before the
+            // silence timeout.
+            biased;
+            changed = shared.frames.changed() => {
+                if changed.is_err() {
+                    return "the sender has ended";
+                }
+                let captured = Arc::clone(&shared.frames.borrow_and_update());
+                // Frames captured faster than this task took them.
+                let passed_over = captured.sequence.saturating_sub(last.saturating_add(1));
+                shared.counts.skipped.fetch_add(passed_over.into(), Relaxed);
+                last = captured.sequence;
+                let frame = MotionFrame {
+                    sequence: captured.sequence.saturating_sub(before),
+                    ..MotionFrame::clone(&captured)
+                };
+                let begun = std::time::Instant::now();
+                encoder.encode(&frame, &mut out);
+                let took = u64::try_from(begun.elapsed().as_nanos()).unwrap_or(u64::MAX);
+                shared.counts.encoded.fetch_add(1, Relaxed);
+                shared.counts.encode_ns.fetch_add(took, Relaxed);
+                match outlet.send(&out).await {
+                    SendOutcome::Queued => {
+                        losses.sent(frame.sequence);
+                        shared.counts.sent.fetch_add(1, Relaxed);
+                        shared.counts.payload_bytes.fetch_add(out.len() as u64, Relaxed);
+                    }
+                    SendOutcome::Skipped => {
+                        shared.counts.skipped.fetch_add(1, Relaxed);
+                    }
+                    SendOutcome::Closed => return "its channel is closed",
+                }
+            }
+            said = voice.recv() => match said {
+                Ok(said) => {
+                    let bytes = said.opus.len() as u64;
+                    if outlet.say(said).await {
+                        shared.counts.voice_sent.fetch_add(1, Relaxed);
+                        shared.counts.voice_bytes.fetch_add(bytes, Relaxed);
+                    }
+                }
+                Err(broadcast::error::RecvError::Lagged(packets)) => {
+                    log::debug!("{packets} packets of voice are left out: too much waited");
+                }
+                Err(broadcast::error::RecvError::Closed) => return "the sender has ended",
+            },
+            person = telling.due() => {
+                let sent = shared.clock.now();
+                Message::State(State { person, sent }).write(session, &mut out);
+                outlet.send(&out).await;
+            }
+            () = seals.due(), if outlet.sealer.is_some() => {
+                if let Some(sealer) = &outlet.sealer {
+                    let lines = sealer.lines(shared.credentials.as_ref());
+                    sealed::write_seal(session, &lines, &mut out);
+                    outlet.peer.try_send(&out).await;
+                }
+            }
+            () = is_set(left) => return "it left",
+            () = is_set(&mut shared.stop) => {
+                send_bye(outlet.peer, session).await;
+                return "the sender hung up";
+            }
+            event = outlet.peer.next() => {
+                let arrived = shared.clock.now();
+                let bytes = match event {
+                    PeerEvent::Message(bytes) => bytes,
+                    PeerEvent::Open | PeerEvent::Voice(_) => continue,
+                    PeerEvent::Closed => return "its connection is closed",
+                };
+                match Message::read(&bytes, session) {
+                    Some(Message::Feedback(feedback)) => {
+                        silent_at = Instant::now() + SILENCE_TIMEOUT;
+                        doubt_at = Some(Instant::now() + DOUBT);
+                        encoder.acknowledge(feedback.newest, feedback.received);
+                        losses.report(feedback);
+                        if feedback.sent != Micros(0) {
+                            let pong = Pong { asked: feedback.sent, arrived, left: shared.clock.now() };
+                            Message::Pong(pong).write(session, &mut out);
+                            outlet.peer.try_send(&out).await;
+                        }
+                    }
+                    Some(Message::Bye) => {
+                        answer_bye(outlet.peer, session).await;
+                        return "it hung up";
+                    }
+                    Some(Message::Pong(_) | Message::State(_) | Message::Forwarded { .. }) | None => log::debug!("ignored a message of {} bytes", bytes.len()),
+                }
+            }
+            () = sleep_until(doubt_at.unwrap_or(silent_at)), if doubt_at.is_some() => {
+                doubt_at = None;
+                shared.doubt.notify_one();
+            }
+            () = sleep_until(silent_at) => return "it sent nothing for 4 s",
+        }
+    }
+}

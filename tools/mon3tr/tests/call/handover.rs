@@ -1,0 +1,189 @@
+//! A sender with more viewers than it serves itself: the server takes the others, and hands on what it cannot read.
+
+use crate::audience::{assert_alike, frames};
+use crate::command::mon3tr;
+use crate::house::{House, Program, count};
+use crate::interop::{program, python, said};
+use crate::voice::write_wav;
+use link_call::{Authentication, CallError, CallEvent, Viewer};
+use link_http::Client;
+use link_playout::Clock;
+use link_protocol::RoomLink;
+use link_voice::VoiceQueue;
+use spmm3::Avatar;
+use std::net::TcpListener;
+use std::process::Command;
+use std::time::{Duration, Instant};
+use test_support::service::{self, LONGEST_WAIT, Service};
+use test_support::speech::syllables;
+
+/// What a sender serves itself.
+const DIRECT: usize = 8;
+
+struct Hall<'a> {
+    house: &'a House,
+    client: Client,
+    clock: Clock,
+    authentication: Authentication,
+}
+
+impl<'a> Hall<'a> {
+    fn of(house: &'a House) -> Self {
+        let signer = Avatar::load(&house.avatar).expect("the package").signer;
+        Self {
+            house,
+            client: Client::new(None).expect("a client"),
+            clock: Clock::start(),
+            authentication: Authentication { own: None, signer },
+        }
+    }
+
+    fn join(&self, link: &RoomLink) -> Viewer {
+        let _network = self.house.runtime.enter();
+        let voice = VoiceQueue::default();
+        let (client, link) = (self.client.clone(), link.clone());
+        Viewer::join(client, link, self.authentication.clone(), self.clock, voice)
+    }
+
+    /// So many, one after the other.
+    fn fill(&self, link: &RoomLink, many: usize) -> Vec<Viewer> {
+        let viewers = (0..many).map(|_| {
+            let viewer = self.join(link);
+            let until = Instant::now() + LONGEST_WAIT;
+            while viewer.statistics().sessions == 0 {
+                assert!(Instant::now() < until, "one does not get in");
+                std::thread::sleep(Duration::from_millis(10));
+            }
+            viewer
+        });
+        viewers.collect()
+    }
+}
+
+/// Waits for the end of a viewer's call.
+fn ends(viewer: &Viewer) -> CallEvent {
+    let until = Instant::now() + LONGEST_WAIT;
+    loop {
+        assert!(Instant::now() < until, "it goes on");
+        match viewer.next(Duration::from_millis(100)) {
+            Ok(end @ (CallEvent::HungUp | CallEvent::Failed(_))) => return end,
+            Ok(_) | Err(_) => {}
+        }
+    }
+}
+
+/// An avatar that its owner has signed, who drives it with a voice; the link for viewers.
+fn speaker(house: &House, codec: &str) -> (Program, RoomLink, String) {
+    let avatar = house.avatar.to_str().expect("UTF-8");
+    mon3tr(&["keys", "sign", avatar]).succeeds();
+    let spoken = house.path("said.wav");
+    write_wav(&spoken, link_voice::RATE, &syllables(1));
+    let sender = house.sender(&["--voice", &spoken, "--codec", codec]);
+    let link = sender.viewers.parse().expect("a link");
+    (sender.program, link, sender.own)
+}
+
+#[test]
+fn the_ninth_viewer_is_handed_to_the_server_and_sees_and_hears_the_same() {
+    let mut house = House::open_with(&["--forward"]);
+    let (sender, link, own) = speaker(&house, "compact");
+    let hall = Hall::of(&house);
+    let mut viewers = hall.fill(&link, DIRECT);
+    assert!(!house.said_by_server().contains("forwarding begins"), "eight");
+    viewers.extend(hall.fill(&link, 5));
+    house.server_says("forwarding begins in room", 1);
+    assert_alike(&frames(&viewers, 60));
+    let owner = hall.authentication.signer;
+    for (number, viewer) in viewers.iter().enumerate() {
+        let statistics = viewer.statistics();
+        assert!(statistics.voice > 20, "{number}: {statistics:?}");
+        assert_eq!(statistics.sender, owner, "{number}: they know whom they see");
+        assert!(statistics.clock_offset_us.is_some(), "{number}: {statistics:?}");
+        // Only what came before the seal was known.
+        assert!(statistics.refused.total() < 10, "{number}: {statistics:?}");
+    }
+    // Who has the token alone, as the server has, is neither taken by the sender nor handed over.
+    let token = RoomLink::of(
+        link.server().clone(),
+        link.room().as_str(),
+        link.token().as_str(),
+    );
+    let stranger = hall.join(&token.expect("a link"));
+    let end = ends(&stranger);
+    assert!(matches!(end, CallEvent::Failed(CallError::Refused)), "{end:?}");
+
+    // The sender is killed and comes back: everybody finds it again, eight of them directly.
+    sender.kill();
+    let avatar = house.avatar.to_str().expect("UTF-8").to_owned();
+    let again = house.send(&["--room", &own, "--avatar", &avatar]);
+    for viewer in &viewers {
+        while viewer.next(Duration::ZERO).is_ok() {}
+    }
+    assert_alike(&frames(&viewers, 60));
+    let report = again.ends();
+    let joined = count(&report["sent"], "joined");
+    assert!(joined >= DIRECT as u64 + 1, "{report:#}");
+    assert!(count(&report["sent"], "viewers") <= DIRECT as u64 + 1, "{report:#}");
+    for viewer in &viewers {
+        assert!(matches!(ends(viewer), CallEvent::HungUp), "the sender's goodbye");
+    }
+    house.server_says("forwarding has ended in room", 1);
+}
+
+#[test]
+fn a_viewer_that_is_not_ours_opens_what_the_server_hands_on() {
+    let Some(python) = python() else {
+        return;
+    };
+    let house = House::open_with(&["--forward"]);
+    let (_sender, link, _) = speaker(&house, "paper");
+    let hall = Hall::of(&house);
+    let _viewers = hall.fill(&link, DIRECT);
+    let mut command = Command::new(python);
+    command
+        .arg(program("aiortc_viewer.py"))
+        .arg(link.to_string())
+        .args(["--frames", "60", "--address", "127.0.0.1"]);
+    let seen = said(&service::output("aiortc's viewer", &mut command));
+    assert!(count(&seen["counts"], "opened") >= 60, "{seen:#}");
+    assert_eq!(seen["sealed"], true, "{seen:#}");
+}
+
+/// Each instance forwards to those who came to it, and is one viewer of the sender's.
+#[test]
+fn instances_that_share_their_rooms_share_an_audience() {
+    let Some(nats) = std::env::var_os("MON3TR_NATS_SERVER") else {
+        println!("skipped: MON3TR_NATS_SERVER does not say where nats-server is");
+        assert_ne!(std::env::var("CI").as_deref(), Ok("true"), "CI must have it");
+        return;
+    };
+    let free = TcpListener::bind("127.0.0.1:0").and_then(|socket| socket.local_addr());
+    let port = free.expect("a free port").port();
+    let folder = tempfile::TempDir::new().expect("a temporary folder");
+    let _nats = service::start(|| {
+        let mut command = Command::new(&nats);
+        command.args(["-a", "127.0.0.1", "-p", &port.to_string()]);
+        let log = folder.path().join("nats.log");
+        let service = Service::start("nats-server", &mut command, &log, None);
+        service.wait_for(|| std::net::TcpStream::connect(("127.0.0.1", port)).ok())?;
+        Ok(service)
+    });
+    let address = format!("nats://127.0.0.1:{port}");
+    let mut house = House::open_with(&["--forward", "--nats", &address]);
+    let mut other = house.another_server();
+    let at = other.word_after("serving on ");
+    let (sender, link, _) = speaker(&house, "compact");
+    let elsewhere = link.at(at.parse().expect("an address"));
+    let hall = Hall::of(&house);
+    let mut viewers = hall.fill(&link, DIRECT);
+    viewers.extend(hall.fill(&elsewhere, 3));
+    viewers.extend(hall.fill(&link, 3));
+    assert_alike(&frames(&viewers, 60));
+    house.server_says("forwarding begins in room", 1);
+    other.says("forwarding begins in room", 1);
+    let report = sender.ends();
+    assert_eq!(count(&report["sent"], "viewers"), DIRECT as u64 + 2, "{report:#}");
+    for viewer in &viewers {
+        assert!(matches!(ends(viewer), CallEvent::HungUp), "the sender's goodbye");
+    }
+}
