@@ -487,7 +487,10 @@ mod tests {
         ] {
             let authentication = Authentication::default();
             let told = authentication.check(&room("r1"), avatar('a'), OFFER, &refusal.answer());
-            assert_eq!(told.err().map(|it| it.to_string()), Some(expected.to_string()));
+            assert_eq!(
+                told.err().map(|it| it.to_string()),
+                Some(expected.to_string())
+            );
         }
     }
 

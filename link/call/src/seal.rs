@@ -327,13 +327,22 @@ mod tests {
         let (mut sealer, lines) = pair(None);
         let mut opener = opener(&lines);
         let opus = sealer.voice(960, b"opus").expect("sealed");
-        let packet = VoicePacket { timestamp: 960, opus };
-        let moved = VoicePacket { timestamp: 1920, ..packet.clone() };
+        let packet = VoicePacket {
+            timestamp: 960,
+            opus,
+        };
+        let moved = VoicePacket {
+            timestamp: 1920,
+            ..packet.clone()
+        };
         assert!(opener.voice(&moved).is_none(), "at another time");
         let heard = opener.voice(&packet).expect("as it was said");
         assert_eq!((heard.timestamp, &*heard.opus), (960, &b"opus"[..]));
         assert!(opener.voice(&packet).is_none(), "it comes again");
-        let plain = VoicePacket { timestamp: 960, opus: Bytes::from_static(b"opu") };
+        let plain = VoicePacket {
+            timestamp: 960,
+            opus: Bytes::from_static(b"opu"),
+        };
         assert!(opener.voice(&plain).is_none(), "not sealed");
     }
 
@@ -349,9 +358,15 @@ mod tests {
         let sender = check(&lines, 1, Some(identity(1).public())).expect("the owner");
         assert_eq!(sender, Some(identity(1).public()));
         let wrong = check(&lines, 2, None);
-        assert!(matches!(wrong, Err(CallError::WrongKey { .. })), "{wrong:?}");
+        assert!(
+            matches!(wrong, Err(CallError::WrongKey { .. })),
+            "{wrong:?}"
+        );
         let wrong = check(&lines, 1, Some(identity(2).public()));
-        assert!(matches!(wrong, Err(CallError::NotTheirAvatar { .. })), "{wrong:?}");
+        assert!(
+            matches!(wrong, Err(CallError::NotTheirAvatar { .. })),
+            "{wrong:?}"
+        );
         let unsigned = check(&sealer.lines(None), 1, None);
         assert!(matches!(unsigned, Err(CallError::NoKey)), "{unsigned:?}");
         // What was recorded ten minutes ago, and the same with another time.
@@ -361,7 +376,11 @@ mod tests {
         let shown = introduction::lines(Some(&owner), &sealer.room, Purpose::Seal, &text);
         let old = check(&format!("{SEAL_LINE}{seal}\r\n{shown}"), 1, None);
         assert!(matches!(old, Err(CallError::OldSeal { .. })), "{old:?}");
-        let renewed = format!("{SEAL_LINE}{} {}\r\n{shown}", sealer.salt, introduction::now());
+        let renewed = format!(
+            "{SEAL_LINE}{} {}\r\n{shown}",
+            sealer.salt,
+            introduction::now()
+        );
         let renewed = check(&renewed, 1, None);
         assert!(matches!(renewed, Err(CallError::NoLink)), "{renewed:?}");
     }

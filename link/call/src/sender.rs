@@ -469,4 +469,3 @@ async fn next_event(
         }
     }
 }
-

@@ -9,6 +9,7 @@ use crate::plan::Planner;
 use crate::session::Session;
 use crate::signaling::{HttpRoom, Signaling};
 use crate::{Backoff, CallError, addresses, answer_bye, is_set, renew, send_bye};
+use arrivals::Handled;
 use identity::PublicKey;
 use link_codec::decode_error::DecodeErrorCounts;
 use link_codec::{Micros, MotionFrame};
@@ -24,7 +25,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
-use arrivals::Handled;
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 
 /// Silence after which a second connection is made beside the silent one: SCTP alone takes 15 s to recover from an outage of 10 s.

@@ -43,7 +43,10 @@ mod tests {
         for refusal in [Refusal::Link, Refusal::Full] {
             assert_eq!(Refusal::read(&refusal.answer()), Some(refusal));
         }
-        assert_eq!(Refusal::read("v=0\r\na=mon3tr-refused:later\r\n"), Some(Refusal::Link));
+        assert_eq!(
+            Refusal::read("v=0\r\na=mon3tr-refused:later\r\n"),
+            Some(Refusal::Link)
+        );
         assert_eq!(Refusal::read("v=0\r\nm=application 9\r\n"), None);
     }
 }

@@ -81,7 +81,10 @@ impl SendersRoom {
         match app.ask(self.room, request).await {
             RoomReply::Answer { sdp } => Some((session.into(), sdp)),
             other => {
-                log::debug!("the sender of room {} is not forwarded: {other:?}", self.room);
+                log::debug!(
+                    "the sender of room {} is not forwarded: {other:?}",
+                    self.room
+                );
                 None
             }
         }

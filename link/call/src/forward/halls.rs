@@ -1,8 +1,8 @@
 //! Forwarding within a server, for the rooms whose senders ask it to: a hall for each, which is open while there are viewers in it.
 
 use super::audience::{Reply, Stage};
-use super::upstream::Until;
 use super::begin;
+use super::upstream::Until;
 use crate::CallError;
 use crate::introduction;
 use crate::signaling::Signaling;

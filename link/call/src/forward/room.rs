@@ -138,34 +138,36 @@ impl AudienceRoom {
     /// The presence's next event, after as many new presences as it takes.
     async fn next_event(
         &self,
-    entering: &EnterRoom,
-    presence: &mut Option<Presence>,
-    backoff: &mut Backoff,
-) -> PresenceEvent {
-    loop {
-        if let Some(open) = presence {
-            match open.next().await {
-                Ok(event) => return event,
-                Err(error) => {
-                    log::warn!(
-                        "the server cannot be reached ({error}): viewers stay, trying again"
-                    );
-                    *presence = None;
+        entering: &EnterRoom,
+        presence: &mut Option<Presence>,
+        backoff: &mut Backoff,
+    ) -> PresenceEvent {
+        loop {
+            if let Some(open) = presence {
+                match open.next().await {
+                    Ok(event) => return event,
+                    Err(error) => {
+                        log::warn!(
+                            "the server cannot be reached ({error}): viewers stay, trying again"
+                        );
+                        *presence = None;
+                    }
                 }
             }
-        }
-        sleep(backoff.next()).await;
-        match self.client.open_presence(&self.link, entering).await {
-            Ok(open) => {
-                backoff.reset();
-                *presence = Some(open);
+            sleep(backoff.next()).await;
+            match self.client.open_presence(&self.link, entering).await {
+                Ok(open) => {
+                    backoff.reset();
+                    *presence = Some(open);
+                }
+                Err(HttpError::Unauthorized { .. }) => {
+                    log::warn!(
+                        "the audience's room has expired: viewers stay, no other one can join"
+                    );
+                    return std::future::pending().await;
+                }
+                Err(error) => log::debug!("not in the audience's room: {error}"),
             }
-            Err(HttpError::Unauthorized { .. }) => {
-                log::warn!("the audience's room has expired: viewers stay, no other one can join");
-                return std::future::pending().await;
-            }
-            Err(error) => log::debug!("not in the audience's room: {error}"),
         }
     }
-}
 }

@@ -26,12 +26,17 @@ const SILENCE: Duration = Duration::from_millis(800);
 const TICK: Duration = Duration::from_millis(50);
 
 /// Why the connection to the sender has ended.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 enum Ended {
+    #[error("it hung up")]
     HungUp,
+    #[error("it was silent")]
     Silent,
+    #[error("it is closed")]
     Closed,
+    #[error(transparent)]
     Refused(CallError),
+    #[error("this side has ended")]
     Stopped,
 }
 
@@ -77,7 +82,7 @@ impl Upstream {
                     // Once it has ended the audience is told the same further on: that is the sign of life for which it stays.
                     let why = self.pump(&mut session).await;
                     session.peer.close().await;
-                    log::info!("the connection to the sender has ended: {why:?}");
+                    log::info!("the connection to the sender has ended: {why}");
                     if matches!(why, Ended::HungUp) && until != Until::Stopped {
                         return true;
                     }

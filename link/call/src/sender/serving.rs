@@ -87,7 +87,13 @@ impl Shared {
             Some(places) if offer.forwards => Arc::clone(&places.forwarders).try_acquire_owned(),
             Some(places) => Arc::clone(&places.viewers).try_acquire_owned(),
             None if self.counts.viewers.load(Relaxed) < MAX_VIEWERS => {
-                return Ok((Admitted { viewer, _place: None }, sealer));
+                return Ok((
+                    Admitted {
+                        viewer,
+                        _place: None,
+                    },
+                    sealer,
+                ));
             }
             None => Err(tokio::sync::TryAcquireError::NoPermits),
         };
@@ -131,7 +137,10 @@ pub(super) async fn serve_viewer(
         }
         admitted => admitted?,
     };
-    let Offer { sdp: offer, forwards } = offer;
+    let Offer {
+        sdp: offer,
+        forwards,
+    } = offer;
     let (mut peer, answer) = Peer::answer(plan, shared.channel, offer.clone()).await?;
     let own = shared.credentials.as_ref();
     let answer = introduction::introduce_sender(own, &room, shared.avatar, &offer, &answer)?;
@@ -165,7 +174,11 @@ pub(super) async fn serve_viewer(
     counts.joined.fetch_add(1, Relaxed);
     let path = peer.path().await;
     let key = (admitted.viewer).map(|key| format!(" with the key {}", key.fingerprint()));
-    let who = if forwards { "the server's forwarder" } else { "a viewer" };
+    let who = if forwards {
+        "the server's forwarder"
+    } else {
+        "a viewer"
+    };
     log::info!(
         "{who} has joined{} (session {session:08x}): {}",
         key.unwrap_or_default(),

@@ -89,7 +89,10 @@ fn the_ninth_viewer_is_handed_to_the_server_and_sees_and_hears_the_same() {
     let (sender, link, own) = speaker(&house, "compact");
     let hall = Hall::of(&house);
     let mut viewers = hall.fill(&link, DIRECT);
-    assert!(!house.said_by_server().contains("forwarding begins"), "eight");
+    assert!(
+        !house.said_by_server().contains("forwarding begins"),
+        "eight"
+    );
     viewers.extend(hall.fill(&link, 5));
     house.server_says("forwarding begins in room", 1);
     assert_alike(&frames(&viewers, 60));
@@ -97,8 +100,14 @@ fn the_ninth_viewer_is_handed_to_the_server_and_sees_and_hears_the_same() {
     for (number, viewer) in viewers.iter().enumerate() {
         let statistics = viewer.statistics();
         assert!(statistics.voice > 20, "{number}: {statistics:?}");
-        assert_eq!(statistics.sender, owner, "{number}: they know whom they see");
-        assert!(statistics.clock_offset_us.is_some(), "{number}: {statistics:?}");
+        assert_eq!(
+            statistics.sender, owner,
+            "{number}: they know whom they see"
+        );
+        assert!(
+            statistics.clock_offset_us.is_some(),
+            "{number}: {statistics:?}"
+        );
         // Only what came before the seal was known.
         assert!(statistics.refused.total() < 10, "{number}: {statistics:?}");
     }
@@ -110,7 +119,10 @@ fn the_ninth_viewer_is_handed_to_the_server_and_sees_and_hears_the_same() {
     );
     let stranger = hall.join(&token.expect("a link"));
     let end = ends(&stranger);
-    assert!(matches!(end, CallEvent::Failed(CallError::Refused)), "{end:?}");
+    assert!(
+        matches!(end, CallEvent::Failed(CallError::Refused)),
+        "{end:?}"
+    );
 
     // The sender is killed and comes back: everybody finds it again, eight of them directly.
     sender.kill();
@@ -123,9 +135,15 @@ fn the_ninth_viewer_is_handed_to_the_server_and_sees_and_hears_the_same() {
     let report = again.ends();
     let joined = count(&report["sent"], "joined");
     assert!(joined >= DIRECT as u64 + 1, "{report:#}");
-    assert!(count(&report["sent"], "viewers") <= DIRECT as u64 + 1, "{report:#}");
+    assert!(
+        count(&report["sent"], "viewers") <= DIRECT as u64 + 1,
+        "{report:#}"
+    );
     for viewer in &viewers {
-        assert!(matches!(ends(viewer), CallEvent::HungUp), "the sender's goodbye");
+        assert!(
+            matches!(ends(viewer), CallEvent::HungUp),
+            "the sender's goodbye"
+        );
     }
     house.server_says("forwarding has ended in room", 1);
 }
@@ -154,7 +172,11 @@ fn a_viewer_that_is_not_ours_opens_what_the_server_hands_on() {
 fn instances_that_share_their_rooms_share_an_audience() {
     let Some(nats) = std::env::var_os("MON3TR_NATS_SERVER") else {
         println!("skipped: MON3TR_NATS_SERVER does not say where nats-server is");
-        assert_ne!(std::env::var("CI").as_deref(), Ok("true"), "CI must have it");
+        assert_ne!(
+            std::env::var("CI").as_deref(),
+            Ok("true"),
+            "CI must have it"
+        );
         return;
     };
     let free = TcpListener::bind("127.0.0.1:0").and_then(|socket| socket.local_addr());
@@ -182,8 +204,15 @@ fn instances_that_share_their_rooms_share_an_audience() {
     house.server_says("forwarding begins in room", 1);
     other.says("forwarding begins in room", 1);
     let report = sender.ends();
-    assert_eq!(count(&report["sent"], "viewers"), DIRECT as u64 + 2, "{report:#}");
+    assert_eq!(
+        count(&report["sent"], "viewers"),
+        DIRECT as u64 + 2,
+        "{report:#}"
+    );
     for viewer in &viewers {
-        assert!(matches!(ends(viewer), CallEvent::HungUp), "the sender's goodbye");
+        assert!(
+            matches!(ends(viewer), CallEvent::HungUp),
+            "the sender's goodbye"
+        );
     }
 }

@@ -1,8 +1,8 @@
 //! Opening rooms, joining them, leaving them, and the sender's answers.
 
 use super::{App, HttpError};
-use crate::forwarding::{HandedOver, SendersRoom};
 use crate::Id;
+use crate::forwarding::{HandedOver, SendersRoom};
 use crate::rooms::{RoomReply, RoomRequest};
 use crate::token::{Claims, Role, now};
 use axum::body::Bytes;
