@@ -4,7 +4,7 @@ use crate::java;
 use crate::launch::Launch;
 use crate::lifecycle::{Driver, Event};
 use crate::logcat;
-use crate::receiver::{Device, HeadsetReceiver, RecordingPermission};
+use crate::receiver::{Device, HeadsetReceiver, WearersLeave};
 use crate::storage::Folders;
 use android_activity::{AndroidApp, InputStatus, MainEvent, PollEvent};
 use renderer_openxr::runtime::Runtime;
@@ -111,27 +111,27 @@ fn device(app: &AndroidApp) -> Device {
         FIRST.call_once(|| unsafe { std::env::set_var(HEXAGON_FOLDER, folder) });
     }
     let app = app.clone();
-    let recording = Arc::new(OfActivity(app.clone()));
+    let leave = Arc::new(OfActivity(app.clone()));
     Device {
         // SAFETY: the pointers are good as long as the activity, which the receiver is left before.
         open_xr: Box::new(move || unsafe {
             Runtime::load_android(app.vm_as_ptr().cast(), app.activity_as_ptr().cast())
         }),
         onnx_runtime: libraries.map(|folder| folder.join("libonnxruntime.so")),
-        recording,
+        leave,
     }
 }
 
 /// The permissions of an activity, which lives longer than its receiver.
 struct OfActivity(AndroidApp);
 
-impl RecordingPermission for OfActivity {
-    fn is_granted(&self) -> bool {
+impl WearersLeave for OfActivity {
+    fn may_record(&self) -> bool {
         java::may_record(&self.0)
     }
 
     fn ask(&self) {
-        java::ask_to_record(&self.0);
+        java::ask_to_record_and_watch(&self.0);
     }
 }
 

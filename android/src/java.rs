@@ -70,6 +70,12 @@ pub(crate) fn finish(app: &AndroidApp) {
 
 /// What the wearer gives who lets the app hear them.
 const RECORD_AUDIO: &str = "android.permission.RECORD_AUDIO";
+/// What moves the wearer's avatar beside head and hands; a headset without it gives it to nobody, and asks nobody.
+const TRACKING: [&str; 3] = [
+    "com.oculus.permission.BODY_TRACKING",
+    "com.oculus.permission.FACE_TRACKING",
+    "com.oculus.permission.EYE_TRACKING",
+];
 /// `PackageManager.PERMISSION_GRANTED`.
 const GRANTED: i32 = 0;
 /// Of the request, where an app makes several.
@@ -96,12 +102,17 @@ pub(crate) fn may_record(app: &AndroidApp) -> bool {
     found == Some(GRANTED)
 }
 
-/// Has Android ask the wearer whether the app may record. Their answer is seen by [`may_record`]: it comes to Java's side, which the app has
-/// none of.
-pub(crate) fn ask_to_record(app: &AndroidApp) {
+/// Has Android ask the wearer, in one go, whether the app may record and watch them; it asks for what they have not answered yet. Their answer about
+/// recording is seen by [`may_record`]: it comes to Java's side, which the app has none of. The OpenXR runtime knows the others.
+pub(crate) fn ask_to_record_and_watch(app: &AndroidApp) {
     let asked = with(app, |env, activity| {
         let name = env.new_string(RECORD_AUDIO)?;
-        let names = env.new_object_array(1, "java/lang/String", &name)?;
+        let count = 1 + i32::try_from(TRACKING.len()).unwrap_or(0);
+        let names = env.new_object_array(count, "java/lang/String", &name)?;
+        for (index, name) in (1..).zip(TRACKING) {
+            let name = env.new_string(name)?;
+            env.set_object_array_element(&names, index, &name)?;
+        }
         let arguments = [JValue::Object(&names), JValue::Int(REQUEST)];
         env.call_method(
             activity,
@@ -112,7 +123,7 @@ pub(crate) fn ask_to_record(app: &AndroidApp) {
         .v()
     });
     if let Err(error) = asked {
-        log::warn!("Android does not ask whether the app may record: {error}");
+        log::warn!("Android does not ask whether the app may record and watch: {error}");
     }
 }
 

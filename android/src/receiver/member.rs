@@ -131,7 +131,7 @@ impl Member<'_> {
         std::thread::scope(|scope| {
             let entering = scope.spawn(|| {
                 let _done = SetAtEnd(&done);
-                self.ask_for_microphone(&board, &is_over);
+                self.ask_for_leave(&board, &is_over);
                 self.sit(&board, &is_over)
             });
             let shown = show_notice(headset, &board, self.task.control, || done.load(Relaxed));
@@ -145,26 +145,31 @@ impl Member<'_> {
         })
     }
 
-    /// Has Android ask the wearer, unless they have answered already. Who refuses is not heard, and is told so.
-    fn ask_for_microphone(&self, board: &NoticeBoard, is_over: &dyn Fn() -> bool) {
-        let recording = &self.task.recording;
-        if recording.is_granted() {
+    /// Has Android ask the wearer whether they may be heard and watched, once, and again for the microphone where they have refused it: Android decides
+    /// whether it shows the question then. Who refuses is not heard, and is told so; the call waits for the first answer only.
+    fn ask_for_leave(&self, board: &NoticeBoard, is_over: &dyn Fn() -> bool) {
+        let (leave, folders) = (&self.task.leave, &self.task.launch.folders);
+        let is_first = !folders.was_leave_asked_for();
+        if leave.may_record() && !is_first {
             return;
         }
         let lines = first_run::wrapped(
-            "The others hear you once you allow Mon3tr the microphone. Without it you are seen, and you see and hear them. \
-             It can be allowed later, in the headset's settings, at the apps' permissions.",
+            "With the microphone the others hear you. With body, face and eyes, where your headset has them, your avatar moves as you do; \
+             without, head and hands move it, and your voice its lips. You can change your mind in the headset's settings, at the apps' permissions.",
         );
-        notice(board, "May the others hear you?", lines);
-        recording.ask();
-        if self.task.launch.folders.was_microphone_asked_for() {
-            // They have answered once. A question that Android shows once more is not waited for: the microphone is taken when it may be.
+        notice(board, "May the others hear and see you?", lines);
+        leave.ask();
+        folders.note_leave_asked_for();
+        if leave.may_record() {
+            return;
+        }
+        if !is_first {
             log::warn!("the microphone is not allowed: the call goes on without it");
             return;
         }
         let asked = Instant::now();
         while !is_over() && asked.elapsed() < ASKED_FOR {
-            if recording.is_granted() {
+            if leave.may_record() {
                 return;
             }
             std::thread::sleep(LOOK);
@@ -244,7 +249,7 @@ impl Member<'_> {
         );
         let voices: Vec<_> = (0..MAX_PEOPLE).map(|_| VoiceQueue::default()).collect();
         let mut microphone = AllowedMicrophone::new(
-            Arc::clone(&self.task.recording),
+            Arc::clone(&self.task.leave),
             self.task.control.clone(),
             far_end.clone(),
         );

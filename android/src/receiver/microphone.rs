@@ -1,6 +1,6 @@
 //! The headset's microphone, as soon as the wearer allows it, and while they wear the headset.
 
-use super::RecordingPermission;
+use super::WearersLeave;
 use app_pipeline::control::Control;
 use link_voice::FRAME;
 use sender::{ProcessedMicrophone, SendError, VoiceSource};
@@ -16,7 +16,7 @@ const WAIT: Duration = Duration::from_millis(100);
 
 /// A microphone that is opened once it may be, with echo and noise taken out.
 pub(super) struct AllowedMicrophone {
-    recording: Arc<dyn RecordingPermission>,
+    leave: Arc<dyn WearersLeave>,
     control: Control,
     far_end: FarEnd,
     opened: Option<ProcessedMicrophone>,
@@ -28,12 +28,12 @@ pub(super) struct AllowedMicrophone {
 impl AllowedMicrophone {
     /// The one that Android chooses, without what `far_end` is told of the loudspeaker; silent while `control` is paused.
     pub(super) fn new(
-        recording: Arc<dyn RecordingPermission>,
+        leave: Arc<dyn WearersLeave>,
         control: Control,
         far_end: FarEnd,
     ) -> Self {
         Self {
-            recording,
+            leave,
             control,
             far_end,
             opened: None,
@@ -47,7 +47,7 @@ impl AllowedMicrophone {
             return;
         }
         self.looked = Some(Instant::now());
-        if !self.recording.is_granted() {
+        if !self.leave.may_record() {
             return;
         }
         match open() {

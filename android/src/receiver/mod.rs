@@ -39,16 +39,16 @@ pub struct Device {
     pub open_xr: Box<dyn FnOnce() -> Result<Runtime, XrError> + Send>,
     /// ONNX Runtime's library; nothing for the default search.
     pub onnx_runtime: Option<PathBuf>,
-    /// Whether the app may hear its wearer.
-    pub recording: Arc<dyn RecordingPermission>,
+    /// Whether the app may hear and watch its wearer.
+    pub leave: Arc<dyn WearersLeave>,
 }
 
-/// The wearer's permission to record what they say, which they give and take in the headset.
-pub trait RecordingPermission: Send + Sync {
-    /// Whether they have given it. It may be asked from any thread.
-    fn is_granted(&self) -> bool;
+/// The wearer's leave to record what they say, and to watch their body, face and eyes, which they give and take in the headset.
+pub trait WearersLeave: Send + Sync {
+    /// Whether what they say may be recorded. It may be asked from any thread.
+    fn may_record(&self) -> bool;
 
-    /// Has the system ask them. Returns before they have answered.
+    /// Has the system ask them for what they have not answered yet. Returns before they have answered.
     fn ask(&self);
 }
 
@@ -154,7 +154,7 @@ impl Receiver for HeadsetReceiver {
 struct TaskContext<'a> {
     open_xr: Runtime,
     onnx_runtime: Option<PathBuf>,
-    recording: Arc<dyn RecordingPermission>,
+    leave: Arc<dyn WearersLeave>,
     launch: &'a Launch,
     control: &'a Control,
     frames: &'a AtomicU64,
@@ -178,7 +178,7 @@ fn run(
     let task = TaskContext {
         open_xr: (device.open_xr)()?,
         onnx_runtime: device.onnx_runtime,
-        recording: device.recording,
+        leave: device.leave,
         launch,
         control,
         frames,

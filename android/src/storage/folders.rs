@@ -61,15 +61,21 @@ impl Folders {
         self.own.join("met")
     }
 
-    /// Whether the wearer was asked for the microphone before; from now on they were.
+    /// Whether the wearer was asked before what they allow ([`Self::note_leave_asked_for`]).
     #[must_use]
-    pub fn was_microphone_asked_for(&self) -> bool {
-        let file = self.own.join("microphone-asked-for");
-        let was = file.exists();
-        if let Err(error) = std::fs::write(file, "") {
-            log::debug!("that the microphone was asked for is not kept: {error}");
+    pub fn was_leave_asked_for(&self) -> bool {
+        self.leave_asked_for().exists()
+    }
+
+    /// From now on they were.
+    pub fn note_leave_asked_for(&self) {
+        if let Err(error) = std::fs::write(self.leave_asked_for(), "") {
+            log::debug!("that the wearer was asked is not kept: {error}");
         }
-        was
+    }
+
+    fn leave_asked_for(&self) -> PathBuf {
+        self.own.join("leave-asked-for")
     }
 
     /// The servers that the wearer has agreed to go to.

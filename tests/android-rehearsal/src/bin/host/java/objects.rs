@@ -17,7 +17,7 @@ pub(super) enum Object {
     /// A `java.lang.Boolean`.
     Boolean(bool),
     /// An `Object[]`.
-    Array(Vec<Arc<Self>>),
+    Array(Mutex<Vec<Arc<Self>>>),
     /// An `android.app.NativeActivity`.
     Activity(ActivityObject),
     /// An `android.content.Intent`.
@@ -94,12 +94,16 @@ impl Object {
     }
 
     fn to_java_string(&self) -> Arc<Self> {
-        Self::text(&match self {
+        Self::text(&self.to_java_text())
+    }
+
+    fn to_java_text(&self) -> String {
+        match self {
             Self::Text(text) => text.to_text(),
             Self::Integer(number) => number.to_string(),
             Self::Boolean(flag) => flag.to_string(),
             other => format!("{}@1", other.class()),
-        })
+        }
     }
 }
 
@@ -276,11 +280,15 @@ pub(super) fn ask(
             Some(Arc::new(Object::Integer(if may { 0 } else { -1 })))
         }
         (Object::Activity(_), Member::RequestPermissions) => {
-            if let Some(Object::Array(names)) = argument
-                && names.iter().any(|name| is_microphone(name))
-            {
-                wearer().is_asked.store(true, Relaxed);
+            let Some(Object::Array(names)) = argument else {
+                return Err("java.lang.NullPointerException".to_owned());
+            };
+            let names = names.lock().unwrap_or_else(PoisonError::into_inner);
+            let names: Vec<String> = names.iter().map(|name| name.to_java_text()).collect();
+            if names != ASKED_FOR {
+                return Err(format!("java.lang.IllegalArgumentException: {names:?}"));
             }
+            wearer().is_asked.store(true, Relaxed);
             None
         }
         (Object::Intent(intent), Member::GetDataString) => intent.data.as_deref().map(Object::text),
@@ -306,7 +314,7 @@ pub(super) fn ask(
         }
         (Object::Names(intent), Member::ToArray) => {
             let names = intent.extras.iter().map(|(name, _)| Object::text(name));
-            Some(Arc::new(Object::Array(names.collect())))
+            Some(Arc::new(Object::Array(Mutex::new(names.collect()))))
         }
         (object, Member::ToJavaString) => Some(object.to_java_string()),
         (Object::ApplicationInfo, Member::NativeLibraryDir) => {
@@ -342,6 +350,14 @@ fn wearer() -> &'static Wearer {
         says: std::env::var("REHEARSAL_WEARER").unwrap_or_default(),
     })
 }
+
+/// What the app asks the wearer for, all at once: of two requests at the same time Android cancels one.
+const ASKED_FOR: [&str; 4] = [
+    "android.permission.RECORD_AUDIO",
+    "com.oculus.permission.BODY_TRACKING",
+    "com.oculus.permission.FACE_TRACKING",
+    "com.oculus.permission.EYE_TRACKING",
+];
 
 fn is_microphone(name: &Object) -> bool {
     matches!(name, Object::Text(text) if text.to_text() == "android.permission.RECORD_AUDIO")

@@ -9,7 +9,7 @@ use jni_sys::{
 };
 use std::ffi::{CStr, c_char, c_void};
 use std::ptr::null_mut;
-use std::sync::{Arc, LazyLock};
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 
 /// Tables that every thread reads and none writes.
 struct Tables {
@@ -73,6 +73,7 @@ fn native_table() -> JNINativeInterface_ {
     table.NewObjectArray = Some(new_array);
     table.GetArrayLength = Some(get_array_length);
     table.GetObjectArrayElement = Some(get_array_element);
+    table.SetObjectArrayElement = Some(set_array_element);
     table.ExceptionCheck = Some(exception_check);
     table.ExceptionOccurred = Some(exception_occurred);
     table.ExceptionDescribe = Some(exception_describe);
@@ -363,12 +364,13 @@ unsafe extern "system" fn new_array(
     // Its items are of that class.
     class_of(class);
     let items = held::get(item).map(|item| vec![item; usize::try_from(length).unwrap_or(0)]);
-    held::local(Some(Arc::new(Object::Array(items.unwrap_or_default()))))
+    let items = Mutex::new(items.unwrap_or_default());
+    held::local(Some(Arc::new(Object::Array(items))))
 }
 
 unsafe extern "system" fn get_array_length(_: *mut JNIEnv, array: jarray) -> jsize {
     match held::get(array).as_deref() {
-        Some(Object::Array(items)) => jsize::try_from(items.len()).unwrap_or(0),
+        Some(Object::Array(items)) => jsize::try_from(locked(items).len()).unwrap_or(0),
         _ => 0,
     }
 }
@@ -381,11 +383,33 @@ unsafe extern "system" fn get_array_element(
     no_exception("GetObjectArrayElement");
     match held::get(array).as_deref() {
         Some(Object::Array(items)) => {
-            let item = usize::try_from(at).ok().and_then(|at| items.get(at));
-            held::local(item.cloned())
+            let item = usize::try_from(at).ok();
+            held::local(item.and_then(|at| locked(items).get(at).cloned()))
         }
         _ => null_mut(),
     }
+}
+
+unsafe extern "system" fn set_array_element(
+    _: *mut JNIEnv,
+    array: jobjectArray,
+    at: jsize,
+    item: jobject,
+) {
+    no_exception("SetObjectArrayElement");
+    let (array, item) = (held::get(array), held::get(item));
+    let place = usize::try_from(at).ok();
+    if let (Some(Object::Array(items)), Some(item), Some(at)) = (array.as_deref(), item, place)
+        && let Some(place) = locked(items).get_mut(at)
+    {
+        *place = item;
+    } else {
+        held::throw(format!("java.lang.ArrayIndexOutOfBoundsException: {at}"));
+    }
+}
+
+fn locked(items: &Mutex<Vec<Arc<Object>>>) -> MutexGuard<'_, Vec<Arc<Object>>> {
+    items.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 unsafe extern "system" fn exception_check(_: *mut JNIEnv) -> jboolean {
