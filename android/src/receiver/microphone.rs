@@ -27,11 +27,7 @@ pub(super) struct AllowedMicrophone {
 
 impl AllowedMicrophone {
     /// The one that Android chooses, without what `far_end` is told of the loudspeaker; silent while `control` is paused.
-    pub(super) fn new(
-        leave: Arc<dyn WearersLeave>,
-        control: Control,
-        far_end: FarEnd,
-    ) -> Self {
+    pub(super) fn new(leave: Arc<dyn WearersLeave>, control: Control, far_end: FarEnd) -> Self {
         Self {
             leave,
             control,

@@ -10,6 +10,7 @@ mod tests;
 use std::cell::RefCell;
 use std::fmt::{self, Display, Formatter};
 use std::fs::File;
+use std::net::TcpStream;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
@@ -343,6 +344,15 @@ pub fn finish(command: &mut Command) -> Output {
         }
         sleep(LOOK);
     }
+}
+
+/// A program that listens on a port of this machine, as soon as it does; killed when dropped.
+pub fn listener(name: &'static str, command: &mut Command, port: u16, log: &Path) -> Service {
+    start(|| {
+        let service = Service::start(name, command.stdin(Stdio::null()), log, None);
+        service.wait_for(|| TcpStream::connect(("127.0.0.1", port)).ok())?;
+        Ok(service)
+    })
 }
 
 /// The same of a third-party program, which is run again where a signal ended it, twice at most.

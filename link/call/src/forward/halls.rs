@@ -129,7 +129,7 @@ impl Halls {
     fn begin(&self, room: Arc<dyn Signaling>, announcement: Announcement) -> Hall {
         let (stop, stopped) = watch::channel(false);
         let name = room.room().room().clone();
-        let (stage, upstream, _) = begin(room, announcement, self.clock, self.most, stopped);
+        let (stage, mut upstream, _) = begin(room, announcement, self.clock, self.most, stopped);
         let hall = Hall {
             stage: stage.clone(),
             leaving: HashMap::new(),

@@ -153,7 +153,7 @@ impl Forwarder {
             client: client.clone(),
             room: source,
         };
-        let (stage, upstream, sender) =
+        let (stage, mut upstream, sender) =
             begin(Arc::new(signaling), announcement, clock, most, stopped);
         let counts = Arc::clone(&stage.counts);
         let room = AudienceRoom {

@@ -65,7 +65,7 @@ pub(super) struct Upstream {
 
 impl Upstream {
     /// Whether the sender hung up.
-    pub(super) async fn run(mut self, until: Until) -> bool {
+    pub(super) async fn run(&mut self, until: Until) -> bool {
         let mut backoff = Backoff::default();
         let mut last_here = Instant::now();
         loop {

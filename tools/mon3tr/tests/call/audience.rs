@@ -20,9 +20,10 @@ use test_support::speech::syllables;
 /// More than a call of several has.
 const VIEWERS: usize = 12;
 
-pub(crate) type Frames = HashMap<u32, (u64, Vec<u32>)>;
+/// By the time of their capture: sequences begin with each viewer that the sender serves itself.
+pub(crate) type Frames = HashMap<u64, Vec<u32>>;
 
-/// Takes each viewer's frames, by their sequences, until each has so many, or it took too long.
+/// Takes each viewer's frames until each has so many, or it took too long.
 pub(crate) fn frames(viewers: &[Viewer], wanted: usize) -> Vec<Frames> {
     let mut all: Vec<Frames> = viewers.iter().map(|_| Frames::new()).collect();
     let until = Instant::now() + LONGEST_WAIT;
@@ -34,11 +35,11 @@ pub(crate) fn frames(viewers: &[Viewer], wanted: usize) -> Vec<Frames> {
         );
         for (viewer, frames) in viewers.iter().zip(&mut all) {
             match viewer.next(Duration::from_millis(1)) {
-                // Sequences begin anew.
+                // Times begin anew.
                 Ok(CallEvent::Joined) => frames.clear(),
                 Ok(CallEvent::Frame { frame, .. }) => {
                     let motion = frame.motion.values().iter().map(|value| value.to_bits());
-                    frames.insert(frame.sequence, (frame.captured.0, motion.collect()));
+                    frames.insert(frame.captured.0, motion.collect());
                 }
                 Ok(_) | Err(_) => {}
             }
@@ -52,7 +53,7 @@ pub(crate) fn assert_alike(all: &[Frames]) {
     for other in all {
         let both = other
             .iter()
-            .filter_map(|(sequence, frame)| Some((first.get(sequence)?, frame)));
+            .filter_map(|(captured, frame)| Some((first.get(captured)?, frame)));
         let both: Vec<_> = both.collect();
         assert!(both.len() > 20, "they overlap: {}", both.len());
         assert!(

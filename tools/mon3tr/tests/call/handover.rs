@@ -11,10 +11,12 @@ use link_playout::Clock;
 use link_protocol::RoomLink;
 use link_voice::VoiceQueue;
 use spmm3::Avatar;
-use std::net::TcpListener;
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
 use std::process::Command;
 use std::time::{Duration, Instant};
-use test_support::service::{self, LONGEST_WAIT, Service};
+use tempfile::TempDir;
+use test_support::service::{self, LONGEST_WAIT, Service, listener};
 use test_support::speech::syllables;
 
 /// What a sender serves itself.
@@ -85,7 +87,7 @@ fn speaker(house: &House, codec: &str) -> (Program, RoomLink, String) {
 
 #[test]
 fn the_ninth_viewer_is_handed_to_the_server_and_sees_and_hears_the_same() {
-    let mut house = House::open_with(&["--forward"]);
+    let house = House::open_with(&["--forward"]);
     let (sender, link, own) = speaker(&house, "compact");
     let hall = Hall::of(&house);
     let mut viewers = hall.fill(&link, DIRECT);
@@ -115,7 +117,7 @@ fn the_ninth_viewer_is_handed_to_the_server_and_sees_and_hears_the_same() {
     let token = RoomLink::of(
         link.server().clone(),
         link.room().as_str(),
-        link.token().as_str(),
+        link.token().secret(),
     );
     let stranger = hall.join(&token.expect("a link"));
     let end = ends(&stranger);
@@ -133,12 +135,9 @@ fn the_ninth_viewer_is_handed_to_the_server_and_sees_and_hears_the_same() {
     }
     assert_alike(&frames(&viewers, 60));
     let report = again.ends();
-    let joined = count(&report["sent"], "joined");
+    let joined = count(&report, "joined");
     assert!(joined >= DIRECT as u64 + 1, "{report:#}");
-    assert!(
-        count(&report["sent"], "viewers") <= DIRECT as u64 + 1,
-        "{report:#}"
-    );
+    assert!(count(&report, "viewers") <= DIRECT as u64 + 1, "{report:#}");
     for viewer in &viewers {
         assert!(
             matches!(ends(viewer), CallEvent::HungUp),
@@ -167,31 +166,80 @@ fn a_viewer_that_is_not_ours_opens_what_the_server_hands_on() {
     assert_eq!(seen["sealed"], true, "{seen:#}");
 }
 
+/// What instances share: NATS and an S3-compatible store.
+struct Shared {
+    _nats: Service,
+    _store: Service,
+    options: [String; 6],
+}
+
+impl Shared {
+    /// Nothing where the programs are not there.
+    fn start(folder: &TempDir) -> Option<Self> {
+        let python = python()?;
+        let Some(nats) = std::env::var_os("MON3TR_NATS_SERVER") else {
+            println!("skipped: MON3TR_NATS_SERVER does not say where nats-server is");
+            assert_ne!(
+                std::env::var("CI").as_deref(),
+                Ok("true"),
+                "CI must have it"
+            );
+            return None;
+        };
+        let port = || {
+            let free = TcpListener::bind("127.0.0.1:0").and_then(|socket| socket.local_addr());
+            free.expect("a free port").port()
+        };
+        let log = |name: &str| folder.path().join(name);
+        let (nats_port, store_port) = (port(), port());
+        let mut command = Command::new(nats);
+        command.args(["-a", "127.0.0.1", "-p", &nats_port.to_string()]);
+        let nats = listener("nats-server", &mut command, nats_port, &log("nats.log"));
+        let mut command = Command::new(python);
+        command.args(["-m", "moto.server", "-H", "127.0.0.1", "-p"]);
+        command.arg(store_port.to_string());
+        let store = listener("moto", &mut command, store_port, &log("moto.log"));
+        let endpoint = format!("http://127.0.0.1:{store_port}");
+        make_bucket(store_port);
+        let nats_address = format!("nats://127.0.0.1:{nats_port}");
+        let options = [
+            "--nats",
+            &nats_address,
+            "--s3",
+            BUCKET,
+            "--s3-endpoint",
+            &endpoint,
+        ];
+        Some(Self {
+            _nats: nats,
+            _store: store,
+            options: options.map(str::to_owned),
+        })
+    }
+}
+
+const BUCKET: &str = "avatars";
+
+fn make_bucket(port: u16) {
+    let mut stream = TcpStream::connect(("127.0.0.1", port)).expect("the store is there");
+    let ask = format!(
+        "PUT /{BUCKET} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
+    );
+    stream.write_all(ask.as_bytes()).expect("asked");
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).expect("answered");
+    assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+}
+
 /// Each instance forwards to those who came to it, and is one viewer of the sender's.
 #[test]
 fn instances_that_share_their_rooms_share_an_audience() {
-    let Some(nats) = std::env::var_os("MON3TR_NATS_SERVER") else {
-        println!("skipped: MON3TR_NATS_SERVER does not say where nats-server is");
-        assert_ne!(
-            std::env::var("CI").as_deref(),
-            Ok("true"),
-            "CI must have it"
-        );
+    let folder = TempDir::new().expect("a temporary folder");
+    let Some(shared) = Shared::start(&folder) else {
         return;
     };
-    let free = TcpListener::bind("127.0.0.1:0").and_then(|socket| socket.local_addr());
-    let port = free.expect("a free port").port();
-    let folder = tempfile::TempDir::new().expect("a temporary folder");
-    let _nats = service::start(|| {
-        let mut command = Command::new(&nats);
-        command.args(["-a", "127.0.0.1", "-p", &port.to_string()]);
-        let log = folder.path().join("nats.log");
-        let service = Service::start("nats-server", &mut command, &log, None);
-        service.wait_for(|| std::net::TcpStream::connect(("127.0.0.1", port)).ok())?;
-        Ok(service)
-    });
-    let address = format!("nats://127.0.0.1:{port}");
-    let mut house = House::open_with(&["--forward", "--nats", &address]);
+    let options = shared.options.each_ref().map(String::as_str);
+    let house = House::open_with(&[&["--forward"], options.as_slice()].concat());
     let mut other = house.another_server();
     let at = other.word_after("serving on ");
     let (sender, link, _) = speaker(&house, "compact");
@@ -204,11 +252,7 @@ fn instances_that_share_their_rooms_share_an_audience() {
     house.server_says("forwarding begins in room", 1);
     other.says("forwarding begins in room", 1);
     let report = sender.ends();
-    assert_eq!(
-        count(&report["sent"], "viewers"),
-        DIRECT as u64 + 2,
-        "{report:#}"
-    );
+    assert_eq!(count(&report, "viewers"), DIRECT as u64 + 2, "{report:#}");
     for viewer in &viewers {
         assert!(
             matches!(ends(viewer), CallEvent::HungUp),

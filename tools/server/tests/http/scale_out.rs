@@ -6,10 +6,10 @@ use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
 use std::net::{SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
-use test_support::service::{self, Service, assert_all_live, attended};
+use test_support::service::{Service, assert_all_live, attended, listener};
 
 /// The programs that `./run test` provides: where `nats-server` is, and a Python that has moto's server.
 fn programs() -> Option<(PathBuf, PathBuf)> {
@@ -30,15 +30,6 @@ fn programs() -> Option<(PathBuf, PathBuf)> {
 
 fn free_port() -> Outcome<u16> {
     Ok(TcpListener::bind("127.0.0.1:0")?.local_addr()?.port())
-}
-
-/// A third-party program that listens on a port; killed when dropped.
-fn listener(name: &'static str, command: &mut Command, port: u16, log: &Path) -> Service {
-    service::start(|| {
-        let service = Service::start(name, command.stdin(Stdio::null()), log, None);
-        service.wait_for(|| std::net::TcpStream::connect(("127.0.0.1", port)).ok())?;
-        Ok(service)
-    })
 }
 
 fn nats(program: &Path, port: u16, log: &Path) -> Service {

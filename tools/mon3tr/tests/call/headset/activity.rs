@@ -7,7 +7,7 @@ use super::viewer::monado;
 use crate::house::{House, Program, count, wait_for};
 use android_app::launch::Launch;
 use android_app::lifecycle::{Driver, Event};
-use android_app::receiver::{Device, HeadsetReceiver, RecordingPermission};
+use android_app::receiver::{Device, HeadsetReceiver, WearersLeave};
 use android_app::storage::Folders;
 use link_protocol::RoomLink;
 use renderer_openxr::runtime::Runtime;
@@ -301,7 +301,7 @@ fn an_activity() {
     let receiver = HeadsetReceiver::new(Device {
         open_xr: Box::new(Runtime::load),
         onnx_runtime: None,
-        recording: Arc::new(Granted),
+        leave: Arc::new(Granted),
     });
     let frames = receiver.frames();
     let mut driver = Driver::new(receiver, launch);
@@ -334,8 +334,8 @@ fn an_activity() {
 /// A desktop's microphone needs no permission.
 struct Granted;
 
-impl RecordingPermission for Granted {
-    fn is_granted(&self) -> bool {
+impl WearersLeave for Granted {
+    fn may_record(&self) -> bool {
         true
     }
 
