@@ -82,7 +82,7 @@ enum Seal {
     /// Sealed; nothing opens them yet.
     Awaited,
     /// Sealed.
-    Known(Opener),
+    Known(Box<Opener>),
 }
 
 impl Session {
@@ -166,7 +166,7 @@ impl Session {
         if let Some(lines) = of_forwarder {
             let (opener, sender) =
                 Opener::new(&self.authentication, &self.room, self.avatar, lines)?;
-            self.seal = Seal::Known(opener);
+            self.seal = Seal::Known(Box::new(opener));
             self.sender = sender;
             return Ok(Arrived::Nothing);
         }
@@ -198,6 +198,9 @@ impl Session {
         self.motion = of;
         self.decoder = Decoder::new(of);
         self.newest_captured = None;
+        // The sender may be on another machine now, whose clock is another one.
+        self.offset = ClockOffset::new();
+        (self.pings, self.next_ping) = (0, Instant::now());
         true
     }
 

@@ -78,6 +78,8 @@ impl Upstream {
                 Ok(mut session) => {
                     log::info!("the sender is here (session {:08x})", session.id);
                     backoff.reset();
+                    // The sender before may have had another clock.
+                    self.counts.offset_us.store(UNKNOWN, Relaxed);
                     self.telling.send_replace(Some(Source::of(session.id)));
                     // Once it has ended the audience is told the same further on: that is the sign of life for which it stays.
                     let why = self.pump(&mut session).await;

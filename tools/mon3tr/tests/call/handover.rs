@@ -67,9 +67,9 @@ fn ends(viewer: &Viewer) -> CallEvent {
     let until = Instant::now() + LONGEST_WAIT;
     loop {
         assert!(Instant::now() < until, "it goes on");
-        match viewer.next(Duration::from_millis(100)) {
-            Ok(end @ (CallEvent::HungUp | CallEvent::Failed(_))) => return end,
-            Ok(_) | Err(_) => {}
+        let event = viewer.next(Duration::from_millis(100));
+        if let Ok(end @ (CallEvent::HungUp | CallEvent::Failed(_))) = event {
+            return end;
         }
     }
 }
@@ -136,7 +136,7 @@ fn the_ninth_viewer_is_handed_to_the_server_and_sees_and_hears_the_same() {
     assert_alike(&frames(&viewers, 60));
     let report = again.ends();
     let joined = count(&report, "joined");
-    assert!(joined >= DIRECT as u64 + 1, "{report:#}");
+    assert!(joined > DIRECT as u64, "{report:#}");
     assert!(count(&report, "viewers") <= DIRECT as u64 + 1, "{report:#}");
     for viewer in &viewers {
         assert!(

@@ -9,6 +9,7 @@ mod packages;
 mod presence;
 mod rate_limit;
 mod rooms;
+mod senders_room;
 
 use crate::forwarding::Forwarding;
 use crate::ice::Ice;
@@ -52,7 +53,7 @@ pub(crate) struct App {
 
 impl App {
     /// Asks the room's sender, on whichever instance it is connected.
-    pub(crate) async fn ask(&self, room: Id, request: RoomRequest) -> RoomReply {
+    async fn ask(&self, room: Id, request: RoomRequest) -> RoomReply {
         match (self.rooms.presence(room), &self.relay) {
             (Some(presence), _) => presence.ask(request).await,
             (None, Some(relay)) => relay.ask(room, &request).await,

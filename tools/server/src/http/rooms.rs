@@ -1,8 +1,9 @@
 //! Opening rooms, joining them, leaving them, and the sender's answers.
 
+use super::senders_room::RoomHere;
 use super::{App, HttpError};
 use crate::Id;
-use crate::forwarding::{HandedOver, SendersRoom};
+use crate::forwarding::HandedOver;
 use crate::rooms::{RoomReply, RoomRequest};
 use crate::token::{Claims, Role, now};
 use axum::body::Bytes;
@@ -96,7 +97,7 @@ pub(super) async fn join(
             let handed_over = match (&app.forwarding, offer) {
                 (Some(forwarding), Some(offer)) if Refusal::read(&sdp) == Some(Refusal::Full) => {
                     let viewer = HandedOver {
-                        room: SendersRoom::new(&app, room),
+                        room: Box::new(RoomHere::new(&app, room)),
                         session: session.into(),
                         offer,
                         ice_servers: app.ice.servers(&headers, room, claims.expires),

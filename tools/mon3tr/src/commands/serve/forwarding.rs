@@ -60,7 +60,7 @@ impl Forwarding for Forwarder {
 #[derive(Debug)]
 struct OwnRoom {
     link: RoomLink,
-    room: SendersRoom,
+    room: Box<dyn SendersRoom>,
     /// What the first viewer was told: the forwarder finds its way to the sender by the same.
     ice_servers: IceServers,
 }

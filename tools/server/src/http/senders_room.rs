@@ -1,0 +1,60 @@
+//! A sender's room, for the server's own forwarder.
+
+use super::App;
+use crate::Id;
+use crate::forwarding::SendersRoom;
+use crate::rooms::{RoomReply, RoomRequest};
+use link_protocol::{Announcement, Name};
+use std::sync::{Arc, Weak};
+
+/// One that its sender may leave, and a server that may end.
+#[derive(Debug)]
+pub(super) struct RoomHere {
+    app: Weak<App>,
+    room: Id,
+}
+
+impl RoomHere {
+    pub(super) fn new(app: &Arc<App>, room: Id) -> Self {
+        Self {
+            app: Arc::downgrade(app),
+            room,
+        }
+    }
+}
+
+#[async_trait::async_trait]
+impl SendersRoom for RoomHere {
+    fn name(&self) -> Name {
+        self.room.into()
+    }
+
+    async fn announcement(&self) -> Option<Announcement> {
+        let app = self.app.upgrade()?;
+        match app.ask(self.room, RoomRequest::Announcement).await {
+            RoomReply::Announcement { announcement, .. } => Some(announcement),
+            _ => None,
+        }
+    }
+
+    async fn offer(&self, sdp: &str) -> Option<(Name, String)> {
+        let app = self.app.upgrade()?;
+        let session = Id::random().inspect_err(|error| log::error!("{error}"));
+        let session = session.ok()?;
+        let request = RoomRequest::Offer {
+            session,
+            sdp: sdp.to_owned(),
+            forwards: true,
+        };
+        match app.ask(self.room, request).await {
+            RoomReply::Answer { sdp } => Some((session.into(), sdp)),
+            other => {
+                log::debug!(
+                    "the sender of room {} is not forwarded: {other:?}",
+                    self.room
+                );
+                None
+            }
+        }
+    }
+}
