@@ -112,6 +112,7 @@ pub(crate) fn config(store: StoreConfig) -> Outcome<Config> {
         store,
         secret: Secret::random()?,
         nats: None,
+        forwarding: None,
         stun: Vec::new(),
         turn: None,
         tls: None,
