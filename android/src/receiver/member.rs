@@ -20,7 +20,7 @@ use app_session::own_motion::OwnMotion;
 use app_session::participant::{NetworkContext, Origin, Participant};
 use app_session::session::Session;
 use call_member::{
-    Acquaintances, Guest, Members, Performance, Roster, SetAtEnd, WEARER_RATE, WearerCapture,
+    Acquaintances, Guest, Members, Performance, PrivacyButtons, Roster, SetAtEnd, WEARER_RATE, WearerCapture,
     play_voices,
 };
 use identity::Keyring;
@@ -281,6 +281,7 @@ impl Member<'_> {
         };
         let options = PresentOptions {
             wearer: Some(slot.clone()),
+            privacy: Some(Arc::new(PrivacyButtons::new(host.privacy()))),
             ..present(settings)
         };
         let mut watch = Watch {

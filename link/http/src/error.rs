@@ -44,6 +44,17 @@ pub enum HttpError {
         #[source]
         source: reqwest::Error,
     },
+    /// The server speaks no TLS.
+    #[error(
+        "what answers at {server} speaks no TLS: if it is a server of your own without a certificate, its address begins with http://"
+    )]
+    NoTls {
+        /// The server.
+        server: ServerUrl,
+        /// What TLS says.
+        #[source]
+        source: reqwest::Error,
+    },
     /// The server did not answer in time.
     #[error("{server} did not answer within {} s to {what}: try again", limit.as_secs_f32())]
     TimedOut {
@@ -260,6 +271,7 @@ impl HttpError {
             Self::Unauthorized { .. }
                 | Self::NotFound { .. }
                 | Self::Untrusted { .. }
+                | Self::NoTls { .. }
                 | Self::Redirected { .. }
                 | Self::InvalidResponse { .. }
                 | Self::Protocol(ProtocolError::Address(_) | ProtocolError::Link(_))
@@ -280,18 +292,22 @@ pub(crate) fn of_request(server: &ServerUrl, error: reqwest::Error) -> HttpError
             server,
             source: Some(source),
         }
-    } else if is_about_tls(&source) {
-        HttpError::Untrusted { server, source }
     } else {
-        HttpError::Unreachable { server, source }
+        match of_tls(&source) {
+            // Whatever came was none of TLS's messages.
+            Some(rustls::Error::InvalidMessage(_)) => HttpError::NoTls { server, source },
+            Some(_) => HttpError::Untrusted { server, source },
+            None => HttpError::Unreachable { server, source },
+        }
     }
 }
 
-fn is_about_tls(error: &reqwest::Error) -> bool {
+/// What TLS says, if it is about that.
+fn of_tls(error: &reqwest::Error) -> Option<&rustls::Error> {
     let mut next: Option<&(dyn Error + 'static)> = Some(error);
     while let Some(error) = next {
-        if error.is::<rustls::Error>() {
-            return true;
+        if let Some(error) = error.downcast_ref() {
+            return Some(error);
         }
         // An io::Error's `source` skips what it wraps, and here they wrap one another.
         let wrapped = error
@@ -299,7 +315,7 @@ fn is_about_tls(error: &reqwest::Error) -> bool {
             .and_then(io::Error::get_ref);
         next = wrapped.map_or_else(|| error.source(), |wrapped| Some(wrapped));
     }
-    false
+    None
 }
 
 /// An error with all its causes, on one line.

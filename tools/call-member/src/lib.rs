@@ -3,6 +3,7 @@
 mod acquaintances;
 mod members;
 mod perform;
+mod privacy;
 mod roster;
 mod seats;
 mod voices;
@@ -11,6 +12,7 @@ mod wearer;
 pub use acquaintances::{Acquaintances, Meeting};
 pub use members::{Member, Members};
 pub use perform::{Performance, SetAtEnd};
+pub use privacy::PrivacyButtons;
 pub use roster::{Guest, Roster, RosterFigures};
 pub use voices::{MIXED, MIXED_TIME, UnheardError, VoiceMixer, play_voices};
 pub use wearer::{WEARER_RATE, WearerCapture};

@@ -25,6 +25,10 @@ pub struct Controls {
     pub hands: [Hand; 2],
     /// The overlay's button was pressed, or the left thumb and middle finger met, since the last frame.
     pub overlay_toggled: bool,
+    /// The button that mutes was pressed, or the right thumb and middle finger met, since the last frame.
+    pub mute_toggled: bool,
+    /// The button that hides was pressed since the last frame. Bare hands have none.
+    pub hide_toggled: bool,
 }
 
 /// The state of one hand in one frame.
@@ -52,6 +56,9 @@ struct Profile {
     hold: &'static str,
     /// On the left hand only; any of them.
     overlay: &'static [&'static str],
+    /// On the right hand only.
+    mute: &'static [&'static str],
+    hide: &'static [&'static str],
 }
 
 const PROFILES: [Profile; 2] = [
@@ -59,11 +66,15 @@ const PROFILES: [Profile; 2] = [
         name: "/interaction_profiles/khr/simple_controller",
         hold: "input/select/click",
         overlay: &["input/menu/click"],
+        mute: &["input/menu/click"],
+        hide: &[],
     },
     Profile {
         name: "/interaction_profiles/oculus/touch_controller",
         hold: "input/squeeze/value",
         overlay: &["input/y/click", "input/menu/click"],
+        mute: &["input/a/click"],
+        hide: &["input/b/click"],
     },
 ];
 
@@ -75,7 +86,29 @@ pub struct Input {
     sides: [Side; 2],
     hands: Option<HandTracking>,
     gaze: Option<GazeInteraction>,
-    overlay_was_pressed: bool,
+}
+
+/// A button, which counts when it goes down.
+struct Button {
+    action: Action<bool>,
+    was_pressed: bool,
+}
+
+impl Button {
+    fn new(set: &ActionSet, name: &str, shown: &str) -> Result<Self, XrError> {
+        Ok(Self {
+            action: action(set, name, shown, &[])?,
+            was_pressed: false,
+        })
+    }
+
+    /// Whether it, or the fingers that stand for it, went down since it was asked last.
+    fn goes_down(&mut self, session: &Session<Vulkan>, fingers: bool) -> Result<bool, XrError> {
+        let state = self.action.state(session, Path::NULL);
+        let state = state.during("xrGetActionStateBoolean")?;
+        let pressed = (state.is_active && state.current_state) || fingers;
+        Ok(pressed && !std::mem::replace(&mut self.was_pressed, pressed))
+    }
 }
 
 struct Actions {
@@ -83,7 +116,9 @@ struct Actions {
     grip: Action<Posef>,
     aim: Action<Posef>,
     hold: Action<f32>,
-    overlay: Action<bool>,
+    overlay: Button,
+    mute: Button,
+    hide: Button,
 }
 
 struct Side {
@@ -143,7 +178,6 @@ impl Input {
             sides,
             hands: or_without("bare hands", HandTracking::new(session, system)),
             gaze,
-            overlay_was_pressed: false,
             actions,
         })
     }
@@ -171,24 +205,20 @@ impl Input {
             None => [None; 2],
         };
         let mut hands = [Hand::default(); 2];
-        let mut calls_overlay = [false; 2];
+        let mut middle_fingers = [false; 2];
         for (place, side) in self.sides.iter_mut().enumerate() {
             let controller = side.read(&self.session, &self.actions, floor, time)?;
             // Some runtimes track the hand that holds a controller too: its fingers are ignored.
             let bare = tracked[place].filter(|_| controller.is_none());
-            calls_overlay[place] = bare.is_some_and(|hand| hand.calls_overlay);
+            middle_fingers[place] = bare.is_some_and(|hand| hand.touches_middle);
             hands[place] = controller.or(bare.map(Hand::from)).unwrap_or_default();
         }
-        let button = self
-            .actions
-            .overlay
-            .state(&self.session, Path::NULL)
-            .during("xrGetActionStateBoolean")?;
-        let pressed = (button.is_active && button.current_state) || calls_overlay[0];
-        let was_pressed = std::mem::replace(&mut self.overlay_was_pressed, pressed);
+        let (session, actions) = (&self.session, &mut self.actions);
         Ok(Controls {
             hands,
-            overlay_toggled: pressed && !was_pressed,
+            overlay_toggled: actions.overlay.goes_down(session, middle_fingers[0])?,
+            mute_toggled: actions.mute.goes_down(session, middle_fingers[1])?,
+            hide_toggled: actions.hide.goes_down(session, false)?,
         })
     }
 
@@ -228,7 +258,9 @@ impl Actions {
             grip: action(&set, "grip", "Hand", hands)?,
             aim: action(&set, "aim", "Pointing", hands)?,
             hold: action(&set, "hold", "Hold", hands)?,
-            overlay: action(&set, "overlay", "Show figures", &[])?,
+            overlay: Button::new(&set, "overlay", "Show figures")?,
+            mute: Button::new(&set, "mute", "Mute yourself")?,
+            hide: Button::new(&set, "hide", "Hide yourself")?,
             set,
         })
     }
@@ -244,8 +276,14 @@ impl Actions {
                 bindings.push(Binding::new(&self.aim, path(side, "input/aim/pose")?));
                 bindings.push(Binding::new(&self.hold, path(side, profile.hold)?));
             }
-            for source in profile.overlay {
-                bindings.push(Binding::new(&self.overlay, path(SIDES[0], source)?));
+            for (button, side, sources) in [
+                (&self.overlay, SIDES[0], profile.overlay),
+                (&self.mute, SIDES[1], profile.mute),
+                (&self.hide, SIDES[1], profile.hide),
+            ] {
+                for source in sources {
+                    bindings.push(Binding::new(&button.action, path(side, source)?));
+                }
             }
             let name = instance.string_to_path(profile.name)?;
             instance.suggest_interaction_profile_bindings(name, &bindings)

@@ -4,6 +4,7 @@ use super::figures::{HeadsetFigures, REFRESH_HZ};
 use super::frames::Frames;
 use super::handle::HeadsetHandle;
 use super::observer::FrameObserver;
+use super::panel::PrivacySwitch;
 use super::wearer::WearerSlot;
 use crate::display::{Display, DisplayNeeds, LiveSession, SessionError};
 use glam::Vec3;
@@ -25,6 +26,8 @@ pub struct PresentOptions {
     pub display_hz: Option<f32>,
     /// Where the wearer's own head and hands are put in each frame, if somebody captures them.
     pub wearer: Option<WearerSlot>,
+    /// Whether others hear and see the wearer, where there are others.
+    pub privacy: Option<Arc<dyn PrivacySwitch>>,
 }
 
 /// Shows a session in a headset.
@@ -109,6 +112,7 @@ impl Display for HeadsetDisplay<'_> {
             session,
             of_open_xr,
             self.options.wearer.clone(),
+            self.options.privacy.clone(),
             &mut *self.observer,
         )?;
         self.figures = std::thread::scope(|scope| {

@@ -7,7 +7,7 @@ use super::figures::HeadsetFigures;
 use super::handle::open_again;
 use super::observer::{FrameCapture, FrameObserver};
 use super::pace::Pace;
-use super::panel::FiguresPanel;
+use super::panel::{PrivacySwitch, RoomPanel};
 use super::surroundings::{Places, name};
 use super::wearer::WearerSlot;
 use crate::display::{LiveSession, SessionError};
@@ -41,7 +41,7 @@ pub(super) struct Frames<'a> {
     session_options: SessionOptions,
     wearer: Option<WearerSlot>,
     places: Places,
-    panel: FiguresPanel,
+    panel: RoomPanel,
     figures: HeadsetFigures,
     pace: Pace,
     /// Milliseconds.
@@ -55,6 +55,7 @@ impl<'a> Frames<'a> {
         people: LiveSession<'a>,
         session_options: SessionOptions,
         wearer: Option<WearerSlot>,
+        privacy: Option<Arc<dyn PrivacySwitch>>,
         observer: &'a mut dyn FrameObserver,
     ) -> Result<Self, SessionError> {
         let first = people.people.first().ok_or(SessionError::NoParticipants)?;
@@ -65,7 +66,7 @@ impl<'a> Frames<'a> {
             session_options,
             wearer,
             places: Places::default(),
-            panel: FiguresPanel::new(overlay),
+            panel: RoomPanel::new(overlay, privacy),
             figures: HeadsetFigures::default(),
             pace: Pace::new(None),
             intervals: Vec::new(),
@@ -303,11 +304,13 @@ impl<'a> Frames<'a> {
             hands: controls.hands,
         };
         self.places.update(&mut self.people, &viewer)?;
+        self.panel.press(controls);
         if controls.overlay_toggled {
             self.panel.toggle(session, eyes.floor_from_head)?;
         }
         let period = Duration::from_secs_f32(1.0 / session.refresh_hz().unwrap_or(60.0).max(1.0));
-        self.panel.update(session, self.people.lanes, period)?;
+        let head = eyes.floor_from_head;
+        (self.panel).update(session, self.people.lanes, head, period)?;
         let behind = surround(session, self.people.lanes.renderer().options());
         let mut canvas = session.canvas(eyes, behind, reads)?;
         Ok(self.people.lanes.draw_onto(&eyes.cameras, &mut canvas)?)

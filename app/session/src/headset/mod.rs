@@ -20,4 +20,5 @@ pub use figures::{FrameFigures, HeadsetFigures};
 pub use handle::HeadsetHandle;
 pub use notice::{NoticeBoard, show_notice};
 pub use observer::{FrameCapture, FrameObserver};
+pub use panel::PrivacySwitch;
 pub use wearer::{WearerNews, WearerSlot};

@@ -1,23 +1,43 @@
-//! The panel of figures in the room: hung before the viewer when they call for it, and taken away when they do so again.
+//! The one panel in the room: figures, hung before the viewer when they call for it and taken away when they do so again; else, while the viewer is not
+//! heard or not seen by others, that it is so.
 
 use super::hanging::{Spot, image};
-use crate::overlay::{OVERLAY_WIDTH_METRES, OverlayPainter, OverlayWatch};
+use crate::overlay::{
+    NOTICE_WIDTH_METRES, Notice, OVERLAY_WIDTH_METRES, OverlayPainter, OverlayWatch,
+};
 use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::{Lanes, MotionSource};
 use glam::Affine3A;
 use renderer_openxr::error::XrError;
+use renderer_openxr::input::Controls;
 use renderer_openxr::session::Session;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Between two updates.
 const PAUSE: Duration = Duration::from_millis(500);
 
+/// Whether others hear and see the viewer, which the viewer changes at a button.
+pub trait PrivacySwitch: Send + Sync + std::fmt::Debug {
+    /// Is no longer heard, or is again.
+    fn toggle_mute(&self);
+
+    /// Is no longer seen, or is again.
+    fn toggle_hide(&self);
+
+    /// What the viewer is to be told as long as it holds.
+    fn notice(&self) -> Option<Notice>;
+}
+
 /// The panel, and what is on it.
 #[derive(Debug)]
-pub(super) struct FiguresPanel {
+pub(super) struct RoomPanel {
     watch: OverlayWatch,
-    /// While it is shown.
+    /// While the figures are shown.
     shown: Option<Shown>,
+    privacy: Option<Arc<dyn PrivacySwitch>>,
+    /// The notice that hangs there.
+    notice: Option<Notice>,
 }
 
 #[derive(Debug)]
@@ -28,12 +48,30 @@ struct Shown {
     hangs: bool,
 }
 
-impl FiguresPanel {
-    pub(super) fn new(watch: OverlayWatch) -> Self {
-        Self { watch, shown: None }
+impl RoomPanel {
+    pub(super) fn new(watch: OverlayWatch, privacy: Option<Arc<dyn PrivacySwitch>>) -> Self {
+        Self {
+            watch,
+            shown: None,
+            privacy,
+            notice: None,
+        }
     }
 
-    /// The viewer called for it, or had enough of it.
+    /// Takes what the viewer pressed that others hear and see.
+    pub(super) fn press(&self, controls: &Controls) {
+        let Some(privacy) = &self.privacy else {
+            return;
+        };
+        if controls.mute_toggled {
+            privacy.toggle_mute();
+        }
+        if controls.hide_toggled {
+            privacy.toggle_hide();
+        }
+    }
+
+    /// The viewer called for the figures, or had enough of them.
     pub(super) fn toggle(
         &mut self,
         session: &mut Session,
@@ -43,6 +81,8 @@ impl FiguresPanel {
             session.remove_panel();
             return Ok(());
         }
+        // In the place of what hangs there.
+        self.notice = None;
         self.shown = Some(Shown {
             painter: OverlayPainter::start().map_err(ReceiverError::Thread)?,
             floor_from_panel: Spot::BESIDE.before(floor_from_head),
@@ -57,16 +97,29 @@ impl FiguresPanel {
         if let Some(shown) = &mut self.shown {
             (shown.looked, shown.hangs) = (None, false);
         }
+        self.notice = None;
     }
 
-    /// Shows what there is to tell, twice a second.
+    /// Shows what there is to tell: figures twice a second, a notice when it changes, where the viewer looks then.
     pub(super) fn update<S: MotionSource>(
         &mut self,
         session: &mut Session,
         lanes: &mut Lanes<S>,
+        floor_from_head: Affine3A,
         period: Duration,
     ) -> Result<(), XrError> {
         let Some(shown) = &mut self.shown else {
+            let notice = self.privacy.as_ref().and_then(|privacy| privacy.notice());
+            if notice != self.notice {
+                match &notice {
+                    Some(notice) => {
+                        let place = Spot::BESIDE.before(floor_from_head);
+                        session.hang_panel(image(&notice.panel()), place, NOTICE_WIDTH_METRES)?;
+                    }
+                    None => session.remove_panel(),
+                }
+                self.notice = notice;
+            }
             return Ok(());
         };
         let now = Instant::now();

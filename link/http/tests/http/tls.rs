@@ -55,6 +55,21 @@ async fn a_server_is_trusted_with_its_authoritys_certificate_and_not_without() {
     );
 }
 
+#[tokio::test]
+async fn a_server_without_tls_is_told_from_one_with_a_wrong_certificate() {
+    let socket = tokio::net::TcpListener::bind("127.0.0.1:0");
+    let socket = socket.await.expect("a port");
+    let port = socket.local_addr().expect("bound").port();
+    let router = Router::new().fallback(async || status(503, "no sender there"));
+    tokio::spawn(async move { axum::serve(socket, router).await });
+    let link: RoomLink = format!("https://localhost:{port}/rooms/R#{TOKEN}")
+        .parse()
+        .expect("a link");
+    let client = Client::new(None).expect("a client");
+    let error = client.announcement(&link).await.expect_err("no TLS");
+    assert!(matches!(error, HttpError::NoTls { .. }), "{error:?}");
+}
+
 #[test]
 fn a_file_that_holds_no_certificate_is_named() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -21,7 +21,7 @@ pub struct TrackedHand {
     /// Thumb and index finger touch.
     pub pinches: bool,
     /// Thumb and middle finger touch, and the index finger does not.
-    pub calls_overlay: bool,
+    pub touches_middle: bool,
 }
 
 /// `floor_from_joint` of a hand's joints in the extension's order; nothing for one that is not known.
@@ -128,7 +128,7 @@ impl HandTracking {
             floor_from_aim: aim(joints, floor_from_grip.matrix3.y_axis),
             pinches,
             // A fist touches everything at once.
-            calls_overlay: middle && !pinches,
+            touches_middle: middle && !pinches,
         })
     }
 }
@@ -220,14 +220,14 @@ mod tests {
     }
 
     #[test]
-    fn an_index_pinch_grabs_and_a_middle_finger_pinch_toggles_the_overlay() {
+    fn an_index_pinch_grabs_and_a_middle_finger_pinch_is_another_thing() {
         let mut scene = Scene::new();
         let mut with = |index, middle| {
             scene
                 .fake
                 .set(|world| world.joints[0] = Some(hand(floor_from_palm(), index, middle)));
             let [left, _] = scene.locate();
-            left.map(|left| (left.pinches, left.calls_overlay))
+            left.map(|left| (left.pinches, left.touches_middle))
         };
         assert_eq!(with(0.06, 0.08), Some((false, false)), "open");
         assert_eq!(with(0.01, 0.08), Some((true, false)), "pinched");

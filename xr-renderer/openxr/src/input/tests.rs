@@ -110,20 +110,24 @@ fn a_controller_that_disappears_lets_go() {
 }
 
 #[test]
-fn the_overlay_is_toggled_once_for_each_press() {
-    for (profile, button) in [
-        (SIMPLE, "menu/click"),
-        (TOUCH, "menu/click"),
-        (TOUCH, "y/click"),
+fn each_button_does_its_own_once_for_each_press() {
+    for (profile, button, what) in [
+        (SIMPLE, "left/input/menu/click", 0),
+        (SIMPLE, "right/input/menu/click", 1),
+        (TOUCH, "left/input/menu/click", 0),
+        (TOUCH, "left/input/y/click", 0),
+        (TOUCH, "right/input/a/click", 1),
+        (TOUCH, "right/input/b/click", 2),
     ] {
         let mut scene = Scene::with(profile);
-        let button = format!("/user/hand/left/input/{button}");
         let mut toggled = Vec::new();
         for value in [0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0] {
-            scene.press(&button, value);
-            toggled.push(scene.sync().overlay_toggled);
+            scene.press(&format!("/user/hand/{button}"), value);
+            let now = scene.sync();
+            toggled.push([now.overlay_toggled, now.mute_toggled, now.hide_toggled]);
         }
-        let expected = [false, true, false, false, false, true, false];
+        let expected = [false, true, false, false, false, true, false]
+            .map(|pressed| std::array::from_fn(|it| pressed && it == what));
         assert_eq!(toggled, expected, "{button} of {profile}");
     }
 }
@@ -151,16 +155,18 @@ fn a_tracked_hand_replaces_a_missing_controller() {
 }
 
 #[test]
-fn the_left_hands_middle_finger_toggles_the_overlay_and_the_rights_does_not() {
-    for (side, toggles) in [(0, true), (1, false)] {
+fn the_left_hands_middle_finger_calls_the_overlay_and_the_rights_mutes() {
+    for side in [0, 1] {
         let mut scene = Scene::new();
         let mut with = |middle| {
             let joints = Some(hand(at(0.0), 0.06, middle));
             scene.fake.set(|world| world.joints[side] = joints);
-            scene.sync().overlay_toggled
+            let now = scene.sync();
+            [now.overlay_toggled, now.mute_toggled]
         };
         let toggled = [with(0.08), with(0.01), with(0.01), with(0.08), with(0.01)];
-        let expected = [false, toggles, false, false, toggles];
+        let expected = [false, true, false, false, true]
+            .map(|met| std::array::from_fn(|it| met && it == side));
         assert_eq!(toggled, expected, "hand {side}");
     }
 }

@@ -17,7 +17,7 @@ use app_pipeline::control::Control;
 use app_pipeline::quality::QualityMode;
 use app_session::call::CallEnd;
 use app_session::display::{self, OffscreenDisplay};
-use app_session::headset::{
+use app_session::headset::{PrivacySwitch, 
     HeadsetDisplay, HeadsetFigures, HeadsetHandle, PresentOptions, WearerSlot,
 };
 use app_session::participant::{CallReport, NetworkContext, Participant};
@@ -307,6 +307,9 @@ impl Screen {
                     read_back: options.out.is_some(),
                     display_hz: None,
                     wearer: wearer.clone(),
+                    privacy: controls.map(|controls| -> Arc<dyn PrivacySwitch> {
+                        Arc::new(PrivacyButtons::new(controls.privacy))
+                    }),
                 };
                 // Pictures on disk are as good as they can be; the eyes' are to come in time.
                 let quality = if options.out.is_some() {
