@@ -20,19 +20,19 @@ use test_support::speech::{PIECE, RATE, best_likeness, loudness, syllables, talk
 
 /// What the one at the desk says. The wearer says something of another pitch: two voices of one steady pitch that speak at the same time do not come
 /// through the voice processing as they were.
-fn desk_voice() -> Vec<f32> {
+pub(super) fn desk_voice() -> Vec<f32> {
     syllables(5)
 }
 
 /// How long they talk before and after the devices were away: several of the pieces that are compared.
 const TALK: Duration = Duration::from_secs(12);
 /// The least likeness of the best piece, as a correlation of loudness. The wearer's voice goes through noise suppression and gain control besides.
-const LIKE: f32 = 0.8;
+pub(super) const LIKE: f32 = 0.8;
 /// The most likeness with the voice of another, of any piece.
-const UNLIKE: f32 = 0.6;
+pub(super) const UNLIKE: f32 = 0.6;
 
 /// The avatar of the app's folder.
-const AVATAR: &str = "avatar.m3a";
+pub(super) const AVATAR: &str = "avatar.m3a";
 
 pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<Figures> {
     let scene = environment.scene(name, Compositor::Null)?;
@@ -175,7 +175,7 @@ fn at_the_desk(scene: &Scene<'_>, server: &Server) -> anyhow::Result<Program> {
 }
 
 /// How alike the best piece of what was heard is to a voice.
-fn likeness(heard: &[f32], voice: &[f32]) -> f32 {
+pub(super) fn likeness(heard: &[f32], voice: &[f32]) -> f32 {
     let said = loudness(voice);
     loudness(heard)
         .chunks_exact(PIECE)
@@ -184,7 +184,7 @@ fn likeness(heard: &[f32], voice: &[f32]) -> f32 {
 }
 
 /// The number before these words, where the log has them last.
-fn number_before(log: &str, words: &str) -> anyhow::Result<u64> {
+pub(super) fn number_before(log: &str, words: &str) -> anyhow::Result<u64> {
     let (before, _) = log
         .rsplit_once(words)
         .with_context(|| format!("the log has no `{words}`"))?;
@@ -194,12 +194,12 @@ fn number_before(log: &str, words: &str) -> anyhow::Result<u64> {
         .with_context(|| format!("{number} stands before `{words}`"))
 }
 
-fn write_raw(path: &Path, samples: &[f32]) -> anyhow::Result<()> {
+pub(super) fn write_raw(path: &Path, samples: &[f32]) -> anyhow::Result<()> {
     let bytes: Vec<u8> = samples.iter().flat_map(|s| s.to_le_bytes()).collect();
     fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }
 
-fn read_raw(path: &Path) -> anyhow::Result<Vec<f32>> {
+pub(super) fn read_raw(path: &Path) -> anyhow::Result<Vec<f32>> {
     let bytes = fs::read(path).with_context(|| format!("no sound in {}", path.display()))?;
     let (samples, _) = bytes.as_chunks::<4>();
     let samples: Vec<f32> = samples.iter().map(|s| f32::from_le_bytes(*s)).collect();

@@ -10,6 +10,7 @@ mod member;
 mod panics;
 mod placement;
 mod profile;
+mod two_headsets;
 
 use crate::environment::Environment;
 use crate::process::Process;
@@ -29,7 +30,7 @@ pub(crate) struct Case {
 }
 
 /// All of them, the quickest first.
-pub(crate) const CASES: [Case; 15] = [
+pub(crate) const CASES: [Case; 16] = [
     Case {
         name: "first-run",
         shows: "an app that knows no room says in the headset what to type",
@@ -79,6 +80,11 @@ pub(crate) const CASES: [Case; 15] = [
         name: "member",
         shows: "a call of several with a desktop: each sees the other move and hears what the other says, also after the sound devices were away",
         perform: member::perform,
+    },
+    Case {
+        name: "two-headsets",
+        shows: "two apps in one call, and nobody else: each sees the other move and hears what the other says",
+        perform: two_headsets::perform,
     },
     Case {
         name: "member-without",
