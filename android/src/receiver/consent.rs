@@ -1,4 +1,5 @@
-//! Whether the wearer wants to go to a server: any web page and any app can have the app opened with a link, and a call makes the wearer seen and heard.
+//! Whether the wearer wants to go where a link leads: any web page and any app can have the app opened with one. Of rooms, where others are only watched, the
+//! wearer is asked once a server; of calls, in which they are seen and heard, once a call.
 
 use super::TaskContext;
 use crate::first_run;
@@ -8,14 +9,16 @@ use app_session::headset::{NoticeBoard, show_notice};
 use app_session::overlay::Notice;
 use link_protocol::room_link::ServerUrl;
 
-/// Asks the wearer about every server that is new here, unless they have named it in `mon3tr.toml`. Whether they agree; if not, the app was closed.
+/// Asks the wearer about every server, or call, that is new here, unless they have named it in `mon3tr.toml`. Whether they agree; if not, the app was closed.
 pub(super) fn is_given(task: &TaskContext<'_>, settings: &Settings) -> anyhow::Result<bool> {
-    let (servers, origin, is_member): (Vec<&ServerUrl>, _, _) = match &settings.task {
+    let (servers, origin, call): (Vec<&ServerUrl>, _, _) = match &settings.task {
         Task::Call(rooms) => {
             let servers = rooms.value.iter().map(|room| room.server()).collect();
-            (servers, rooms.origin, false)
+            (servers, rooms.origin, None)
         }
-        Task::Member(call) => (vec![call.value.server()], call.origin, true),
+        Task::Member(call) => {
+            (vec![call.value.server()], call.origin, Some(call.value.call()))
+        }
         Task::Profile(_) => return Ok(true),
     };
     for server in &servers {
@@ -30,15 +33,15 @@ pub(super) fn is_given(task: &TaskContext<'_>, settings: &Settings) -> anyhow::R
     }
     let known = task.launch.folders.servers();
     for server in servers {
-        if known.has(server) {
+        if known.has(server, call) {
             continue;
         }
         log::info!("asking whether to go to {server}");
-        if !ask(task, server, is_member)? {
+        if !ask(task, server, call.is_some())? {
             return Ok(false);
         }
         log::info!("the wearer agrees to go to {server}");
-        if let Err(error) = known.add(server) {
+        if let Err(error) = known.add(server, call) {
             log::warn!("{server} is asked about again the next time: {error}");
         }
     }
@@ -60,7 +63,7 @@ fn ask(task: &TaskContext<'_>, server: &ServerUrl, is_member: bool) -> anyhow::R
     lines.extend(first_run::wrapped(&format!("The server: {server}")));
     lines.push(String::new());
     lines.extend(first_run::wrapped(
-        "You have not been there with this headset. To go there, squeeze a controller's grip, or pinch, and hold for a second. \
+        "You have not been in it with this headset. To go there, squeeze a controller's grip, or pinch, and hold for a second. \
          To stay out, close the app.",
     ));
     let board = NoticeBoard::default();

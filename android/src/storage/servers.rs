@@ -1,6 +1,7 @@
-//! The servers that the wearer has agreed to go to, a line each.
+//! The servers whose rooms, and the calls, that the wearer has agreed to go to, a line each.
 
 use identity::LineFile;
+use link_protocol::Name;
 use link_protocol::room_link::ServerUrl;
 use std::path::PathBuf;
 
@@ -18,19 +19,19 @@ impl KnownServers {
         Self(LineFile::new(file, MOST_BYTES))
     }
 
-    /// Whether this one is among them: by scheme, host, port and path, for each may lead to someone else.
+    /// Whether this one is among them, or this call there: by scheme, host, port and path, for each may lead to someone else.
     #[must_use]
-    pub fn has(&self, server: &ServerUrl) -> bool {
-        self.lines().contains(&server.to_string())
+    pub fn has(&self, server: &ServerUrl, call: Option<&Name>) -> bool {
+        self.lines().contains(&line(server, call))
     }
 
     /// Keeps this one, too.
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn add(&self, server: &ServerUrl) -> std::io::Result<()> {
+    pub fn add(&self, server: &ServerUrl, call: Option<&Name>) -> std::io::Result<()> {
         let mut lines = self.lines();
-        lines.push(server.to_string());
+        lines.push(line(server, call));
         let newest = lines.len().saturating_sub(MOST);
         self.0.write(lines.iter().skip(newest))
     }
@@ -45,6 +46,13 @@ impl KnownServers {
     }
 }
 
+fn line(server: &ServerUrl, call: Option<&Name>) -> String {
+    match call {
+        Some(call) => format!("{server}/calls/{call}"),
+        None => server.to_string(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -55,23 +63,27 @@ mod tests {
         let known = KnownServers::new(folder.path().join("servers"));
         let server = |text: &str| -> ServerUrl { text.parse().expect("an address") };
         let first = server("https://call.example:8480");
-        assert!(!known.has(&first));
-        known.add(&first).expect("kept");
-        assert!(known.has(&first));
+        assert!(!known.has(&first, None));
+        known.add(&first, None).expect("kept");
+        assert!(known.has(&first, None));
+        let [ours, theirs] = ["c1", "c2"].map(|name| name.parse::<Name>().expect("a name"));
+        assert!(!known.has(&first, Some(&ours)), "to watch is not to be seen");
+        known.add(&first, Some(&ours)).expect("kept");
+        assert!(known.has(&first, Some(&ours)) && !known.has(&first, Some(&theirs)));
         for other in [
             "http://call.example:8480",
             "https://call.example",
             "https://call.example:8480/other",
             "https://call.example.evil:8480",
         ] {
-            assert!(!known.has(&server(other)), "{other}");
+            assert!(!known.has(&server(other), None), "{other}");
         }
         for number in 0..MOST {
             known
-                .add(&server(&format!("https://h{number}.example")))
+                .add(&server(&format!("https://h{number}.example")), None)
                 .expect("kept");
         }
-        assert!(!known.has(&first), "the oldest");
-        assert!(known.has(&server("https://h0.example")));
+        assert!(!known.has(&first, None), "the oldest");
+        assert!(known.has(&server("https://h0.example"), None));
     }
 }

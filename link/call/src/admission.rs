@@ -8,7 +8,7 @@ use tokio::time::Instant;
 
 /// Viewers that are being connected at once. One more takes the place of the one that has tried longest: who offers again and again and never
 /// connects keeps nobody out.
-const MOST_OPENING: usize = 16;
+pub(crate) const MOST_OPENING: usize = 16;
 
 /// Between two lines about viewers who could not join.
 const TOLD_APART: Duration = Duration::from_secs(5);
@@ -30,15 +30,26 @@ impl Refusals {
 }
 
 /// The viewers that are being connected, the one that has tried longest first.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Opening(Arc<Mutex<VecDeque<Name>>>);
+#[derive(Debug, Clone)]
+pub(crate) struct Opening {
+    names: Arc<Mutex<VecDeque<Name>>>,
+    most: usize,
+}
 
 impl Opening {
+    /// So many at once.
+    pub(crate) fn new(most: usize) -> Self {
+        Self {
+            names: Arc::default(),
+            most,
+        }
+    }
+
     /// One more. Which one has to make room for it, if there are too many.
     pub(crate) fn begin(&self, viewer: &Name) -> Option<Name> {
         let mut opening = self.locked();
         opening.push_back(viewer.clone());
-        (opening.len() > MOST_OPENING)
+        (opening.len() > self.most)
             .then(|| opening.pop_front())
             .flatten()
     }
@@ -49,7 +60,7 @@ impl Opening {
     }
 
     fn locked(&self) -> MutexGuard<'_, VecDeque<Name>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.names.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -59,7 +70,7 @@ mod tests {
 
     #[test]
     fn who_never_connects_makes_room_for_who_does() {
-        let opening = Opening::default();
+        let opening = Opening::new(MOST_OPENING);
         let viewer = |number: u8| Name::of_id([number; 16]);
         for number in 0..16 {
             assert_eq!(opening.begin(&viewer(number)), None);

@@ -41,6 +41,9 @@ pub enum CallError {
         "the sender has as many viewers as it serves; more can watch where its server forwards (`serve --forward`)"
     )]
     TooManyViewers,
+    /// The server serves this viewer, in place of the sender.
+    #[error("the sender has many viewers: the server serves this one")]
+    HandedOver,
     /// The other side does not prove that it has the link.
     #[error(
         "the other side does not prove that it has the link: the server or someone on the way is in its place, its link was cut short, or its program is too old"
@@ -66,6 +69,18 @@ pub enum CallError {
     WrongKey {
         /// The fingerprint of the sender's key.
         found: String,
+    },
+    /// Another sender than the one that this call was with.
+    #[error(
+        "someone else sends now (key {}) than before (key {}): join again if you mean to see them",
+        named(found.as_deref()),
+        named(before.as_deref())
+    )]
+    AnotherSender {
+        /// The fingerprint of the first sender's key, if it showed one.
+        before: Option<String>,
+        /// That of the present sender's.
+        found: Option<String>,
     },
     /// An avatar that is neither the driver's own nor permitted to them.
     #[error(
@@ -99,6 +114,10 @@ pub enum CallError {
     Task(#[from] tokio::task::JoinError),
 }
 
+fn named(fingerprint: Option<&str>) -> &str {
+    fingerprint.unwrap_or("none")
+}
+
 /// What was tried, and what to do.
 fn no_way(relay: Option<&Relay>) -> String {
     match relay {
@@ -122,6 +141,7 @@ impl CallError {
             | Self::NoKey
             | Self::OldSeal { .. }
             | Self::WrongKey { .. }
+            | Self::AnotherSender { .. }
             | Self::NotTheirAvatar { .. }
             | Self::Identity(_) => true,
             _ => false,

@@ -168,8 +168,8 @@ fn mac_key(secret: &LinkSecret, purpose: Purpose) -> hmac::Key {
 pub(crate) enum Answered {
     /// The sender itself, with its key, where it says so.
     Sender(Option<PublicKey>),
-    /// The server's forwarder, which need not be believed where what it hands on is sealed.
-    Forwarder { seals: bool },
+    /// The server's forwarder, which need not be believed: what it hands on is sealed.
+    Forwarder,
 }
 
 /// What a viewer shows the sender, and which sender it takes: the one whose key the room's link tells, if it does, and one who may drive the
@@ -204,12 +204,11 @@ impl Authentication {
             None => {}
         }
         if only(answer, FORWARDER_LINE)?.is_some() {
-            // Whoever passes on what is not sealed would have to be believed.
-            let trusts = room.key().is_none() && self.signer.is_none();
+            // Without a secret nothing can be sealed. People in a call are met directly: all of them have the secret, so one of them who works together
+            // with the server could be any other behind a forwarder.
             return match room.secret() {
-                Some(_) => Ok(Answered::Forwarder { seals: true }),
-                None if trusts => Ok(Answered::Forwarder { seals: false }),
-                None => Err(CallError::NoKey),
+                Some(_) if !room.is_seat() => Ok(Answered::Forwarder),
+                _ => Err(CallError::TooManyViewers),
             };
         }
         let text = of_sender(room.room(), avatar, offer, answer)?;
@@ -350,6 +349,7 @@ pub(crate) fn now() -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use link_protocol::CallLink;
 
     const OFFER: &str = "v=0\r\na=fingerprint:sha-256 AA:01\r\nm=application 9\r\na=mid:0\r\n";
     const ANSWER: &str = "v=0\r\nm=application 9\r\na=fingerprint:sha-256 BB:02\r\n";
@@ -462,24 +462,21 @@ mod tests {
     }
 
     #[test]
-    fn a_forwarder_is_taken_where_it_cannot_read_or_nobody_need_be_believed() {
+    fn a_forwarder_is_taken_where_it_cannot_read_and_never_in_a_call() {
         let answer = introduce_forwarder(ANSWER);
         let media = answer.find("m=").expect("media");
         assert!(answer.find(FORWARDER_LINE).expect("a line") < media);
-        let check = |room: &RoomLink, signer| {
-            let authentication = Authentication { own: None, signer };
-            authentication.check(room, avatar('a'), OFFER, &answer)
+        let check = |room: &RoomLink| {
+            Authentication::default().check(room, avatar('a'), OFFER, &answer)
         };
-        let owner = Some(identity(1).public());
-        for (signer, seals) in [(None, true), (owner, true)] {
-            let taken = check(&secret("r1", 1), signer).expect("it cannot read");
-            assert_eq!(taken, Answered::Forwarder { seals });
-        }
-        let taken = check(&room("r1"), None).expect("nobody is expected");
-        assert_eq!(taken, Answered::Forwarder { seals: false });
-        for (room, signer) in [(keyed("r1", 1), None), (room("r1"), owner)] {
-            let refused = check(&room, signer);
-            assert!(matches!(refused, Err(CallError::NoKey)), "{refused:?}");
+        let taken = check(&secret("r1", 1)).expect("it cannot read");
+        assert_eq!(taken, Answered::Forwarder);
+        let call: CallLink = "http://127.0.0.1:1/calls/c1#token".parse().expect("a link");
+        let call = call.with_secret(LinkSecret::new([1; 16]));
+        let seat = call.seat(&"r1".parse().expect("a name"));
+        for room in [room("r1"), keyed("r1", 1), seat] {
+            let refused = check(&room);
+            assert!(matches!(refused, Err(CallError::TooManyViewers)), "{refused:?}");
         }
         for (refusal, expected) in [
             (Refusal::Link, CallError::Refused),

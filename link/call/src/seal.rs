@@ -15,13 +15,13 @@ use link_protocol::{LinkSecret, PackageId, RoomLink};
 use ring::aead::{Aad, CHACHA20_POLY1305, LessSafeKey, NONCE_LEN, Nonce, UnboundKey};
 use ring::hmac;
 
-/// How the lines begin: `SALT TIME`, the salt in base64url, the time in Unix seconds.
+/// How the lines begin: `SALT TIME MESSAGES PACKETS`; the salt in base64url, the time in Unix seconds, and the counters that were last used.
 const SEAL_LINE: &str = "a=mon3tr-seal:";
 
 const SALT_BYTES: usize = 16;
 
 /// How far the clocks of a sender and a viewer may be apart, and how long after it was sent a recording could be shown, seconds.
-const CLOCKS_APART: u64 = 600;
+const CLOCKS_APART: u64 = 300;
 
 /// Packets of voice begin with their counter.
 const COUNTER_BYTES: usize = 4;
@@ -68,9 +68,10 @@ impl Sealer {
         }))
     }
 
-    /// The lines by which viewers find the key and see who seals, which hold for some minutes.
+    /// The lines by which viewers find the key and see who seals. They hold for some minutes, and for what is sealed after them.
     pub(crate) fn lines(&self, own: Option<&Credentials>) -> String {
-        let seal = format!("{} {}", self.salt, introduction::now());
+        let (messages, packets) = (self.messages, self.packets);
+        let seal = format!("{} {} {messages} {packets}", self.salt, introduction::now());
         let text = of_seal(&self.room, self.avatar, &seal);
         let lines = introduction::lines(own, &self.room, Purpose::Seal, &text);
         format!("{SEAL_LINE}{seal}\r\n{lines}")
@@ -117,11 +118,58 @@ fn next(counter: &mut u32) -> Option<u32> {
     Some(*counter)
 }
 
+/// What a seal's lines say, of a sender that is taken.
+#[derive(Debug)]
+pub(crate) struct Terms {
+    /// What the key is derived from.
+    room: RoomLink,
+    avatar: PackageId,
+    salt: String,
+    time: u64,
+    messages: u32,
+    packets: u32,
+    sender: Option<PublicKey>,
+}
+
+impl Terms {
+    /// The lines of a sender that `authentication` takes.
+    pub(crate) fn read(
+        authentication: &Authentication,
+        room: &RoomLink,
+        avatar: PackageId,
+        lines: &str,
+    ) -> Result<Self, CallError> {
+        let seal = introduction::only(lines, SEAL_LINE)?.ok_or(CallError::NoLink)?;
+        let text = of_seal(room, avatar, seal);
+        let sender = authentication.check_sender(room, Purpose::Seal, &text, lines)?;
+        let (salt, time, messages, packets) = parts(seal).ok_or(CallError::NoLink)?;
+        let apart = introduction::now().abs_diff(time);
+        if apart > CLOCKS_APART {
+            return Err(CallError::OldSeal { apart });
+        }
+        Ok(Self {
+            room: room.clone(),
+            avatar,
+            salt: salt.to_owned(),
+            time,
+            messages,
+            packets,
+            sender,
+        })
+    }
+
+    /// Who seals, where they say so.
+    pub(crate) fn sender(&self) -> Option<PublicKey> {
+        self.sender
+    }
+}
+
 /// A viewer's end.
 pub(crate) struct Opener {
     key: LessSafeKey,
-    /// The seal's line, without the time.
     salt: String,
+    /// Of the newest lines, by the sender's clock.
+    time: u64,
     messages: Replays,
     packets: Replays,
 }
@@ -133,34 +181,30 @@ impl std::fmt::Debug for Opener {
 }
 
 impl Opener {
-    /// By a seal's lines, of a sender that `authentication` takes; who that is, where it says so.
-    pub(crate) fn new(
-        authentication: &Authentication,
-        room: &RoomLink,
-        avatar: PackageId,
-        lines: &str,
-    ) -> Result<(Self, Option<PublicKey>), CallError> {
-        let (seal, salt, time) = read(lines).ok_or(CallError::NoLink)?;
-        let text = of_seal(room, avatar, seal);
-        let sender = authentication.check_sender(room, Purpose::Seal, &text, lines)?;
-        let now = introduction::now();
-        if now.abs_diff(time) > CLOCKS_APART {
-            let apart = now.abs_diff(time);
-            return Err(CallError::OldSeal { apart });
-        }
-        let secret = room.secret().ok_or(CallError::NoLink)?;
-        let opener = Self {
-            key: key(secret, room, avatar, salt)?,
-            salt: salt.to_owned(),
-            messages: Replays::default(),
-            packets: Replays::default(),
-        };
-        Ok((opener, sender))
+    /// Opens what was sealed after these lines.
+    pub(crate) fn new(terms: Terms) -> Result<Self, CallError> {
+        let secret = terms.room.secret().ok_or(CallError::NoLink)?;
+        Ok(Self {
+            key: key(secret, &terms.room, terms.avatar, &terms.salt)?,
+            salt: terms.salt,
+            time: terms.time,
+            messages: Replays::after(terms.messages),
+            packets: Replays::after(terms.packets),
+        })
     }
 
-    /// Whether these lines are of the same seal: it is told again and again.
-    pub(crate) fn is_of(&self, lines: &str) -> bool {
-        read(lines).is_some_and(|(_, salt, _)| salt == self.salt)
+    /// Whether these lines are older than those that it has: whoever forwards could go back to what it recorded.
+    pub(crate) fn is_newer_than(&self, terms: &Terms) -> bool {
+        terms.time < self.time
+    }
+
+    /// Goes on with lines of the same seal; whether they are.
+    pub(crate) fn renew(&mut self, terms: &Terms) -> bool {
+        let is_same = terms.salt == self.salt;
+        if is_same {
+            self.time = self.time.max(terms.time);
+        }
+        is_same
     }
 
     /// The message within a sealed one of `session`; nothing for any other, one that someone changed, and one that comes again.
@@ -187,6 +231,10 @@ impl Opener {
     }
 
     fn open(&self, nonce: Nonce, aad: &[u8], sealed: &[u8]) -> Option<Vec<u8>> {
+        // What was held back is of no use either.
+        if introduction::now().abs_diff(self.time) > CLOCKS_APART {
+            return None;
+        }
         let mut bytes = sealed.to_vec();
         let opened = self.key.open_in_place(nonce, Aad::from(aad), &mut bytes);
         let length = opened.ok()?.len();
@@ -203,6 +251,14 @@ struct Replays {
 }
 
 impl Replays {
+    /// All up to this one have come.
+    fn after(newest: u32) -> Self {
+        Self {
+            newest,
+            before: u64::MAX,
+        }
+    }
+
     /// Whether this one has not come yet and is not far older than the newest.
     fn is_new(&mut self, counter: u32) -> bool {
         if counter > self.newest {
@@ -223,12 +279,19 @@ impl Replays {
     }
 }
 
-/// The seal, its salt and its time.
-fn read(lines: &str) -> Option<(&str, &str, u64)> {
-    let seal = introduction::only(lines, SEAL_LINE).ok()??;
-    let (salt, time) = seal.split_once(' ')?;
+/// Salt, time and counters of a seal.
+fn parts(seal: &str) -> Option<(&str, u64, u32, u32)> {
+    let mut parts = seal.split(' ');
+    let salt = parts.next()?;
     let is_salt = salt.len() == BASE64URL_NOPAD.encode_len(SALT_BYTES);
-    is_salt.then_some((seal, salt, time.parse().ok()?))
+    let (time, messages, packets) = (parts.next()?, parts.next()?, parts.next()?);
+    let is_all = parts.next().is_none();
+    (is_salt && is_all).then_some((
+        salt,
+        time.parse().ok()?,
+        messages.parse().ok()?,
+        packets.parse().ok()?,
+    ))
 }
 
 /// What is signed.
@@ -283,17 +346,20 @@ mod tests {
         (sealer, lines)
     }
 
-    fn opener(lines: &str) -> Opener {
+    fn terms(lines: &str) -> Terms {
         let everyone = Authentication::default();
-        let opened = Opener::new(&everyone, &room("r1", 1), avatar("a"), lines);
-        opened.expect("the seal").0
+        Terms::read(&everyone, &room("r1", 1), avatar("a"), lines).expect("the seal")
+    }
+
+    fn opener(lines: &str) -> Opener {
+        Opener::new(terms(lines)).expect("a key")
     }
 
     #[test]
     fn what_is_sealed_is_opened_once_and_by_none_without_the_link() {
         let (mut sealer, lines) = pair(None);
         let mut opener = opener(&lines);
-        assert!(opener.is_of(&sealer.lines(None)), "told again");
+        assert!(opener.renew(&terms(&sealer.lines(None))), "told again");
         let mut sealed = Vec::new();
         assert!(sealer.message(5, b"a frame", &mut sealed));
         assert!(!sealed.windows(7).any(|part| part == b"a frame"));
@@ -310,14 +376,14 @@ mod tests {
         }
         assert!(opener.message(5, &second).is_some());
         let (other, _) = pair(None);
-        assert!(!opener.is_of(&other.lines(None)), "another connection");
+        assert!(!opener.renew(&terms(&other.lines(None))), "another connection");
         let everyone = Authentication::default();
         for (room, avatar) in [
             (room("r1", 2), avatar("a")),
             (room("r2", 1), avatar("a")),
             (room("r1", 1), avatar("b")),
         ] {
-            let refused = Opener::new(&everyone, &room, avatar, &lines);
+            let refused = Terms::read(&everyone, &room, avatar, &lines);
             assert!(matches!(refused, Err(CallError::NoLink)), "{refused:?}");
         }
     }
@@ -353,7 +419,7 @@ mod tests {
         let check = |lines: &str, expected: u8, signer| {
             let authentication = Authentication { own: None, signer };
             let room = room("r1", 1).with_key(identity(expected).public().hash());
-            Opener::new(&authentication, &room, avatar("a"), lines).map(|(_, sender)| sender)
+            Terms::read(&authentication, &room, avatar("a"), lines).map(|terms| terms.sender())
         };
         let sender = check(&lines, 1, Some(identity(1).public())).expect("the owner");
         assert_eq!(sender, Some(identity(1).public()));
@@ -369,9 +435,9 @@ mod tests {
         );
         let unsigned = check(&sealer.lines(None), 1, None);
         assert!(matches!(unsigned, Err(CallError::NoKey)), "{unsigned:?}");
-        // What was recorded ten minutes ago, and the same with another time.
+        // What was recorded long ago, and the same with another time.
         let recorded = introduction::now() - CLOCKS_APART - 5;
-        let seal = format!("{} {recorded}", sealer.salt);
+        let seal = format!("{} {recorded} 0 0", sealer.salt);
         let text = of_seal(&sealer.room, sealer.avatar, &seal);
         let shown = introduction::lines(Some(&owner), &sealer.room, Purpose::Seal, &text);
         let old = check(&format!("{SEAL_LINE}{seal}\r\n{shown}"), 1, None);
@@ -383,6 +449,36 @@ mod tests {
         );
         let renewed = check(&renewed, 1, None);
         assert!(matches!(renewed, Err(CallError::NoLink)), "{renewed:?}");
+    }
+
+    #[test]
+    fn what_was_recorded_is_not_shown_to_who_comes_later() {
+        let (mut sealer, first_lines) = pair(None);
+        let mut recorded = Vec::new();
+        assert!(sealer.message(5, b"said in confidence", &mut recorded));
+        let spoken = sealer.voice(960, b"opus").expect("sealed");
+        // Who is there from the beginning opens both; who comes later, by the lines of then, neither, and what follows.
+        let mut early = opener(&first_lines);
+        assert!(early.message(5, &recorded).is_some());
+        let mut late = opener(&sealer.lines(None));
+        assert_eq!(late.message(5, &recorded), None);
+        let packet = VoicePacket {
+            timestamp: 960,
+            opus: spoken,
+        };
+        assert!(late.voice(&packet).is_none());
+        let mut next = Vec::new();
+        assert!(sealer.message(5, b"for all", &mut next));
+        assert!(late.message(5, &next).is_some());
+        // Nor is anyone led back to a seal before.
+        let mut before = terms(&first_lines);
+        before.time -= 1;
+        assert!(late.is_newer_than(&before));
+        // What is held back until the lines are old is not opened.
+        let mut held = Vec::new();
+        assert!(sealer.message(5, b"held back", &mut held));
+        late.time -= CLOCKS_APART + 5;
+        assert_eq!(late.message(5, &held), None);
     }
 
     #[test]

@@ -5,7 +5,7 @@
 
 mod serving;
 
-use crate::admission::{Opening, Refusals};
+use crate::admission::{MOST_OPENING, Opening, Refusals};
 use crate::introduction::Credentials;
 use crate::losses::WantedCopies;
 use crate::path::Path;
@@ -27,7 +27,7 @@ use serde::Serialize;
 use serving::{Offer, serve_viewer};
 use spmm3::MotionParams;
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::{Notify, Semaphore, broadcast, watch};
@@ -118,9 +118,12 @@ impl Counts {
     }
 }
 
-/// What a sender serves itself where its server forwards. A place is taken from the offer on.
+/// What a sender serves itself where its server forwards. A place is taken from the offer on: who never connects has others handed over, and keeps nobody
+/// out.
 #[derive(Debug, Clone)]
 struct Places {
+    /// Whether the server forwards, as it says anew in each presence.
+    forwards: Arc<AtomicBool>,
     viewers: Arc<Semaphore>,
     forwarders: Arc<Semaphore>,
 }
@@ -128,6 +131,7 @@ struct Places {
 impl Default for Places {
     fn default() -> Self {
         Self {
+            forwards: Arc::default(),
             viewers: Arc::new(Semaphore::new(DIRECT_VIEWERS)),
             forwarders: Arc::new(Semaphore::new(MAX_FORWARDERS)),
         }
@@ -155,8 +159,8 @@ struct Shared {
     stop: watch::Receiver<bool>,
     /// Tells of a viewer that is silent.
     doubt: Arc<Notify>,
-    /// Those for viewers and for the server's forwarders, where it forwards.
-    places: Option<Places>,
+    /// For viewers and for the server's forwarders, where it forwards.
+    places: Places,
     refusals: Refusals,
     opening: Opening,
     counts: Arc<Counts>,
@@ -242,9 +246,9 @@ impl Sender {
             offered: Arc::clone(&offered),
             stop: stopped,
             doubt: Arc::default(),
-            places: None,
+            places: Places::default(),
             refusals: Refusals::default(),
-            opening: Opening::default(),
+            opening: Opening::new(MOST_OPENING),
             counts: Arc::clone(&counts),
         };
         let task = tokio::spawn(answer_viewers(shared, entering, presence));
@@ -413,9 +417,7 @@ async fn answer_viewers(mut shared: Shared, entering: EnterRoom, presence: Prese
                 });
             }
             PresenceEvent::IceServers(servers) => shared.ice_servers = servers,
-            PresenceEvent::Forwards => {
-                shared.places.get_or_insert_default();
-            }
+            PresenceEvent::Forwards => shared.places.forwards.store(true, Relaxed),
             PresenceEvent::Leave { session } => {
                 if let Some(leave) = leaving.remove(&session) {
                     leave.send_replace(true);
@@ -456,6 +458,8 @@ async fn next_event(
         match shared.venue.come_back(&shared.client, entering).await {
             Ok(open) => {
                 log::info!("in the room again");
+                // Another instance, or a server that was started otherwise.
+                shared.places.forwards.store(false, Relaxed);
                 backoff.reset();
                 *presence = Some(open);
             }

@@ -5,7 +5,7 @@ use crate::introduction::{Answered, Authentication};
 use crate::path::Path;
 use crate::peer::Peer;
 use crate::plan::Plan;
-use crate::seal::Opener;
+use crate::seal::{Opener, Terms};
 use crate::signaling::Signaling;
 use crate::voice_track::VoicePacket;
 use bytes::Bytes;
@@ -70,6 +70,8 @@ pub(crate) enum Arrived {
     Message(Message),
     /// A motion frame, for the decoder to check.
     Motion(Bytes),
+    /// The lines by which all that comes from now on is opened.
+    Unsealed,
     /// Nothing to be looked at.
     Nothing,
 }
@@ -80,7 +82,7 @@ enum Seal {
     /// As they are.
     None,
     /// Sealed; nothing opens them yet.
-    Awaited,
+    Awaited { since: Instant },
     /// Sealed.
     Known(Box<Opener>),
 }
@@ -105,8 +107,7 @@ impl Session {
         let avatar = announcement.avatar.sha256;
         let (sender, seal) = match authentication.check(room, avatar, &offer, &answer.sdp)? {
             Answered::Sender(sender) => (sender, Seal::None),
-            Answered::Forwarder { seals: false } => (None, Seal::None),
-            Answered::Forwarder { seals: true } => (None, Seal::Awaited),
+            Answered::Forwarder => (None, Seal::Awaited { since: Instant::now() }),
         };
         peer.accept(answer.sdp).await?;
         match timeout(limit, peer.opened()).await {
@@ -159,21 +160,36 @@ impl Session {
                         None => Arrived::Motion(message.into()),
                     });
                 }
-                None => sealed::read_seal(&bytes, self.id).filter(|lines| !opener.is_of(lines)),
+                None => sealed::read_seal(&bytes, self.id),
             },
-            Seal::Awaited => sealed::read_seal(&bytes, self.id),
+            Seal::Awaited { .. } => sealed::read_seal(&bytes, self.id),
         };
         if let Some(lines) = of_forwarder {
-            let (opener, sender) =
-                Opener::new(&self.authentication, &self.room, self.avatar, lines)?;
-            self.seal = Seal::Known(Box::new(opener));
-            self.sender = sender;
-            return Ok(Arrived::Nothing);
+            let terms = Terms::read(&self.authentication, &self.room, self.avatar, lines)?;
+            return Ok(match &mut self.seal {
+                Seal::Known(opener) if opener.is_newer_than(&terms) => Arrived::Nothing,
+                Seal::Known(opener) if opener.renew(&terms) => Arrived::Nothing,
+                _ => {
+                    self.sender = terms.sender();
+                    self.seal = Seal::Known(Box::new(Opener::new(terms)?));
+                    Arrived::Unsealed
+                }
+            });
         }
         Ok(match Message::read(&bytes, self.id) {
             None | Some(Message::State(_)) => Arrived::Nothing,
             Some(message) => Arrived::Message(message),
         })
+    }
+
+    /// Whether what is handed on could not be opened for so long.
+    pub(crate) fn waits_for_seal(&self, longest: Duration) -> bool {
+        matches!(self.seal, Seal::Awaited { since } if since.elapsed() > longest)
+    }
+
+    /// Whether something has still to come by which what is handed on is opened.
+    pub(crate) fn awaits_seal(&self) -> bool {
+        matches!(self.seal, Seal::Awaited { .. })
     }
 
     /// Whether what is handed on is opened here.
@@ -185,7 +201,7 @@ impl Session {
     pub(crate) fn hear(&mut self, packet: VoicePacket) -> Option<VoicePacket> {
         match &mut self.seal {
             Seal::None => Some(packet),
-            Seal::Awaited => None,
+            Seal::Awaited { .. } => None,
             Seal::Known(opener) => opener.voice(&packet),
         }
     }

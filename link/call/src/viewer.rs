@@ -30,6 +30,9 @@ use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 /// Silence after which a second connection is made beside the silent one: SCTP alone takes 15 s to recover from an outage of 10 s.
 const SILENCE: Duration = Duration::from_millis(800);
 
+/// What a forwarder hands on is opened after so long, or never.
+const UNSEALED: Duration = Duration::from_secs(4);
+
 /// From the offer to the open channel, on a path whose round trip is unknown ...
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
 
@@ -144,6 +147,7 @@ impl Viewer {
             announced: None,
             state: None,
             told: None,
+            met: None,
         };
         Self {
             events,
@@ -202,6 +206,8 @@ struct Call {
     state: Option<PersonState>,
     /// When it was last told why the call does not begin.
     told: Option<Instant>,
+    /// Who the sender is, once there was one; whether they showed a key.
+    met: Option<Option<PublicKey>>,
 }
 
 /// The task that opens a connection.
@@ -251,9 +257,6 @@ impl Call {
                             break;
                         }
                     }
-                    // A forwarder's seal tells who the sender is.
-                    let sender = session.sender;
-                    self.with_statistics(|s| s.sender = sender);
                     // The silent connection has recovered: no second one is needed.
                     if let Some(second) = joining.take() {
                         second.abort();
@@ -275,6 +278,12 @@ impl Call {
                     let (announcement, session) = *joined;
                     joining = None;
                     let (path, sender) = (session.path.clone(), session.sender);
+                    let is_known = !session.awaits_seal();
+                    if is_known && let Err(error) = self.meet(sender) {
+                        session.peer.close().await;
+                        self.emit(CallEvent::Failed(error));
+                        break;
+                    }
                     log::info!(
                         "joined (session {:08x}): {}",
                         session.id,
@@ -285,10 +294,11 @@ impl Call {
                     self.with_statistics(|s| {
                         s.sessions += 1;
                         s.path = path;
-                        s.sender = sender;
                     });
-                    self.voice.begin_connection();
-                    self.emit(CallEvent::Joined);
+                    if is_known {
+                        self.voice.begin_connection();
+                        self.emit(CallEvent::Joined);
+                    }
                 }
                 // A connection that is only silent may recover, whatever the server answers.
                 Turn::Joined(Err(error)) if error.is_final() && current.is_none() => {
@@ -312,7 +322,9 @@ impl Call {
                     let Some(session) = &mut current else {
                         continue;
                     };
-                    if session.last_heard.elapsed() > SILENCE && joining.is_none() {
+                    let is_silent =
+                        session.last_heard.elapsed() > SILENCE || session.waits_for_seal(UNSEALED);
+                    if is_silent && joining.is_none() {
                         log::warn!("the sender is silent: connecting again");
                         joining = Some(self.start_joining(Duration::ZERO));
                     }
@@ -415,6 +427,21 @@ impl Call {
             .await?;
             Ok(Box::new((announcement, session)))
         })
+    }
+
+    /// Takes the sender of another connection, who has to be the one of the first: who has another key is another person, whom someone else would take for
+    /// the first.
+    fn meet(&mut self, sender: Option<PublicKey>) -> Result<(), CallError> {
+        let first = *self.met.get_or_insert(sender);
+        if first != sender {
+            let fingerprint = |key: Option<PublicKey>| key.map(|key| key.fingerprint());
+            return Err(CallError::AnotherSender {
+                before: fingerprint(first),
+                found: fingerprint(sender),
+            });
+        }
+        self.with_statistics(|s| s.sender = sender);
+        Ok(())
     }
 
     fn announce(&mut self, announcement: Announcement) {

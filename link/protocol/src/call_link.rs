@@ -84,7 +84,7 @@ impl CallLink {
             key: None,
             ..self.fragment.clone()
         };
-        RoomLink::with(self.server.clone(), room.clone(), fragment)
+        RoomLink::of_seat(self.server.clone(), room.clone(), fragment)
     }
 }
 

@@ -132,6 +132,7 @@ pub struct RoomLink {
     server: ServerUrl,
     room: Name,
     fragment: Fragment,
+    is_seat: bool,
 }
 
 impl RoomLink {
@@ -144,16 +145,24 @@ impl RoomLink {
             server,
             room: name_of_room(room)?,
             fragment: Fragment::of(Token::new(token)?),
+            is_seat: false,
         })
     }
 
-    /// The room of this name, with what was checked.
-    pub(crate) fn with(server: ServerUrl, room: Name, fragment: Fragment) -> Self {
+    /// The seat of this name, of a call with that link.
+    pub(crate) fn of_seat(server: ServerUrl, room: Name, fragment: Fragment) -> Self {
         Self {
             server,
             room,
             fragment,
+            is_seat: true,
         }
+    }
+
+    /// Whether it is a seat of a call: whoever sits there is met directly, and by nobody but the others of the call.
+    #[must_use]
+    pub fn is_seat(&self) -> bool {
+        self.is_seat
     }
 
     /// The same link, which also tells the sender's key.
@@ -237,6 +246,7 @@ impl FromStr for RoomLink {
             server,
             room: name_of_room(room)?,
             fragment,
+            is_seat: false,
         })
     }
 }

@@ -23,8 +23,6 @@ pub struct HandedOver {
     pub session: Name,
     /// Its SDP.
     pub offer: String,
-    /// The STUN and TURN servers that it was told.
-    pub ice_servers: IceServers,
 }
 
 /// The room of a sender on this instance or another one, as the server's own forwarder sees it.
@@ -35,6 +33,9 @@ pub trait SendersRoom: fmt::Debug + Send + Sync {
 
     /// What its sender announces; nothing while it is absent, or the server ends.
     async fn announcement(&self) -> Option<Announcement>;
+
+    /// The STUN and TURN servers for a connection there, with credentials from now on.
+    fn ice_servers(&self) -> IceServers;
 
     /// Offers the sender a connection, in the forwarder's name; the session's name and the answer.
     async fn offer(&self, sdp: &str) -> Option<(Name, String)>;

@@ -7,6 +7,7 @@ use axum::http::uri::Authority;
 use axum::http::{HeaderMap, header};
 use link_protocol::IceServers;
 use link_protocol::ice::{IceKind, IceServer, IceUrl};
+use std::net::{IpAddr, Ipv4Addr, UdpSocket};
 #[cfg(feature = "tls")]
 use std::sync::Arc;
 use std::time::Duration;
@@ -27,6 +28,8 @@ pub(crate) struct Ice {
 /// This server's own relay.
 #[derive(Debug)]
 struct Own {
+    /// By which it is reached, as far as it is known here.
+    host: Option<String>,
     port: u16,
     key: Key,
     tls: bool,
@@ -56,7 +59,15 @@ impl Ice {
         };
         let server = TurnServer::start(settings)?;
         let port = server.address().port();
-        let own = Some(Own { port, key, tls });
+        let named = turn.external.or(Some(turn.listen.ip()));
+        let host = named.filter(|ip| !ip.is_unspecified()).or_else(own_address);
+        let host = host.map(|ip| ip.to_string());
+        let own = Some(Own {
+            host,
+            port,
+            key,
+            tls,
+        });
         Ok((Self { stun, own }, Some(server)))
     }
 
@@ -68,6 +79,16 @@ impl Ice {
     /// What the bearer of a token that ends at `expires` (Unix seconds) is told. This server's own relay has the name by which the bearer
     /// reached this server, from the request's headers: what is told there to a bearer that lies reaches nobody else.
     pub(crate) fn servers(&self, headers: &HeaderMap, room: Id, expires: u64) -> IceServers {
+        self.servers_at(host(headers), room, expires)
+    }
+
+    /// What this server's own forwarder uses: nothing of what clients say.
+    pub(crate) fn own_servers(&self, room: Id) -> IceServers {
+        let host = self.own.as_ref().and_then(|own| own.host.clone());
+        self.servers_at(host, room, u64::MAX)
+    }
+
+    fn servers_at(&self, host: Option<String>, room: Id, expires: u64) -> IceServers {
         let mut servers = Vec::new();
         if !self.stun.is_empty() {
             servers.push(IceServer {
@@ -77,7 +98,7 @@ impl Ice {
             });
         }
         if let Some(own) = &self.own
-            && let Some(host) = host(headers)
+            && let Some(host) = host
         {
             let url = |kind| {
                 IceUrl {
@@ -118,6 +139,13 @@ fn for_turn(tls: Arc<rustls::ServerConfig>) -> Arc<rustls::ServerConfig> {
     let mut tls = Arc::unwrap_or_clone(tls);
     tls.alpn_protocols = vec![b"stun.turn".to_vec()];
     Arc::new(tls)
+}
+
+/// The address that packets to the world leave from. Nothing is sent: connecting a UDP socket only chooses it. 192.0.2.1 is reserved for documentation.
+fn own_address() -> Option<IpAddr> {
+    let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
+    socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9)).ok()?;
+    Some(socket.local_addr().ok()?.ip())
 }
 
 /// The name or address by which a request came, an IPv6 address without brackets.

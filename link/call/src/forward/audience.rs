@@ -41,12 +41,12 @@ pub(super) struct Stage {
     pub(super) most: usize,
 }
 
-/// How a viewer gets its answer.
+/// How a viewer gets its answer. Dropped once it is connected, or cannot be.
 #[async_trait::async_trait]
 pub(super) trait Reply: Send {
-    /// Answers this offer to an avatar of this announcement with `answer`, and with what the forwarder shows of itself.
+    /// Answers this offer to an avatar of this announcement with `answer`, and with what the forwarder shows of itself. Once.
     async fn answer(
-        self,
+        &mut self,
         announced: Announcement,
         offer: &str,
         answer: &str,
@@ -75,7 +75,7 @@ impl Stage {
         mut self,
         _place: Place,
         offer: String,
-        reply: impl Reply,
+        mut reply: impl Reply,
         mut left: watch::Receiver<bool>,
     ) -> Result<(), CallError> {
         let plan = self.planner.plan(&self.server, &self.ice_servers).await;
@@ -102,6 +102,7 @@ impl Stage {
             () = is_set(&mut left) => return Ok(()),
             () = is_set(&mut stop) => return Ok(()),
         };
+        drop(reply);
         self.counts.viewers.fetch_add(1, Relaxed);
         self.counts.joined.fetch_add(1, Relaxed);
         let why = hand_on(&mut self, &mut peer, session, &mut left).await;

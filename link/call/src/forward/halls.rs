@@ -1,14 +1,15 @@
 //! Forwarding within a server, for the rooms whose senders ask it to: a hall for each, which is open while there are viewers in it.
 
 use super::audience::{Reply, Stage};
-use super::begin;
 use super::upstream::Until;
+use super::{Source, begin};
 use crate::CallError;
+use crate::admission::Opening;
 use crate::introduction;
 use crate::signaling::Signaling;
 use link_playout::Clock;
 use link_protocol::limits::ANSWER_WITHIN;
-use link_protocol::{Announcement, IceServers, Name};
+use link_protocol::{Announcement, Name};
 use std::collections::HashMap;
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -20,6 +21,12 @@ use tokio::time::{MissedTickBehavior, interval, timeout};
 const EMPTY: Duration = Duration::from_secs(10);
 /// How often that is looked at.
 const LOOK: Duration = Duration::from_millis(500);
+
+/// Viewers of one hall that are being connected at once. One more takes the place of the one that has tried longest.
+const MOST_OPENING: usize = 64;
+
+/// How long a viewer waits for the hall to be opened: it has to be answered a little later.
+const JOINED_WITHIN: Duration = Duration::from_secs(3);
 
 /// A sender that is away for so long has left its audience, which then looks for it by itself.
 const AWAY: Duration = Duration::from_secs(10);
@@ -35,6 +42,8 @@ pub struct Halls {
 
 struct Hall {
     stage: Stage,
+    announced: Announcement,
+    opening: Opening,
     /// By session; dropping one makes its viewer's connection end.
     leaving: HashMap<Name, watch::Sender<bool>>,
 }
@@ -46,14 +55,31 @@ impl std::fmt::Debug for Hall {
 }
 
 /// An answer within this process.
-struct Here(oneshot::Sender<String>);
+struct Here {
+    answer: Option<oneshot::Sender<String>>,
+    opening: Opening,
+    session: Name,
+}
+
+/// Ends with the viewer's connecting, however that ends.
+impl Drop for Here {
+    fn drop(&mut self) {
+        self.opening.end(&self.session);
+    }
+}
 
 #[async_trait::async_trait]
 impl Reply for Here {
-    async fn answer(self, _: Announcement, _: &str, answer: &str) -> Result<(), CallError> {
+    async fn answer(
+        &mut self,
+        _: Announcement,
+        _: &str,
+        answer: &str,
+    ) -> Result<(), CallError> {
         let answer = introduction::introduce_forwarder(answer);
+        let reply = self.answer.take().ok_or(CallError::NotConnected)?;
         // Where the request has ended its viewer is gone.
-        self.0.send(answer).map_err(|_| CallError::NotConnected)
+        reply.send(answer).map_err(|_| CallError::NotConnected)
     }
 }
 
@@ -76,11 +102,15 @@ impl Halls {
         &self,
         room: Arc<dyn Signaling>,
         session: Name,
-        ice_servers: IceServers,
         offer: String,
     ) -> Result<String, CallError> {
-        // Before the hall is looked for: between the two nothing may be waited for.
         let status = room.status().await?;
+        let mut source = self.hall(&room, status.announcement)?;
+        // A sender that takes no forwarder is found out before its viewers are.
+        let joined = timeout(JOINED_WITHIN, source.wait_for(Option::is_some)).await;
+        if !matches!(joined, Ok(Ok(_))) {
+            return Err(CallError::TooManyViewers);
+        }
         let (answer, answered) = oneshot::channel();
         {
             let mut open = self.locked();
@@ -89,18 +119,24 @@ impl Halls {
                 log::warn!("a viewer is refused: {begun} are forwarded to already");
                 return Err(CallError::TooManyViewers);
             }
-            let name = room.room().room().clone();
-            let hall = open
-                .entry(name)
-                .or_insert_with(|| self.begin(room, status.announcement));
+            let hall = open.get_mut(room.room().room());
+            let hall = hall.ok_or(CallError::TooManyViewers)?;
             let place = hall.stage.place().ok_or(CallError::TooManyViewers)?;
-            let (leave, left) = watch::channel(false);
             hall.leaving.retain(|_, leave| !leave.is_closed());
-            hall.leaving.insert(session, leave);
+            if let Some(oldest) = hall.opening.begin(&session) {
+                hall.leaving.remove(&oldest);
+            }
+            let (leave, left) = watch::channel(false);
+            hall.leaving.insert(session.clone(), leave);
             let mut stage = hall.stage.clone();
-            stage.ice_servers = ice_servers;
+            stage.ice_servers = status.ice_servers;
+            let reply = Here {
+                answer: Some(answer),
+                opening: hall.opening.clone(),
+                session,
+            };
             tokio::spawn(async move {
-                if let Err(error) = stage.serve(place, offer, Here(answer), left).await {
+                if let Err(error) = stage.serve(place, offer, reply, left).await {
                     log::debug!("a viewer could not join: {error}");
                 }
             });
@@ -108,6 +144,34 @@ impl Halls {
         let answered = timeout(ANSWER_WITHIN, answered).await;
         let answered = answered.ok().and_then(Result::ok);
         answered.ok_or(CallError::NotConnected)
+    }
+
+    /// The source of the room's hall, which is opened if there is none for this announcement.
+    fn hall(
+        &self,
+        room: &Arc<dyn Signaling>,
+        announcement: Announcement,
+    ) -> Result<watch::Receiver<Option<Source>>, CallError> {
+        let mut open = self.locked();
+        let name = room.room().room();
+        let hall = match open.get(name) {
+            // Another sender has come, or the same one as another avatar: who is there is sent to look for it.
+            Some(hall) if hall.announced != announcement => {
+                open.remove(name);
+                None
+            }
+            hall => hall,
+        };
+        if let Some(hall) = hall {
+            return Ok(hall.stage.source.clone());
+        }
+        if open.len() >= self.most {
+            return Err(CallError::TooManyViewers);
+        }
+        let hall = self.begin(Arc::clone(room), announcement);
+        let source = hall.stage.source.clone();
+        open.insert(name.clone(), hall);
+        Ok(source)
     }
 
     /// Lets a viewer go that says by the server that it has left.
@@ -129,21 +193,25 @@ impl Halls {
     fn begin(&self, room: Arc<dyn Signaling>, announcement: Announcement) -> Hall {
         let (stop, stopped) = watch::channel(false);
         let name = room.room().room().clone();
-        let (stage, mut upstream, _) = begin(room, announcement, self.clock, self.most, stopped);
+        let (stage, mut upstream, _) =
+            begin(room, announcement, self.clock, self.most, stopped, true);
         let hall = Hall {
             stage: stage.clone(),
+            announced: announcement,
+            opening: Opening::new(MOST_OPENING),
             leaving: HashMap::new(),
         };
         let halls = self.clone();
         tokio::spawn(async move {
             log::info!("forwarding begins in room {name}");
             let mut announced = stage.announced.clone();
-            let (has_hung_up, hall) = tokio::select! {
-                has_hung_up = upstream.run(Until::Gone(AWAY)) => (has_hung_up, halls.locked().remove(&name)),
+            let has_hung_up = tokio::select! {
+                has_hung_up = upstream.run(Until::Gone(AWAY)) => has_hung_up,
                 // Another avatar, say: viewers find it out where they join.
-                _ = announced.changed() => (false, halls.locked().remove(&name)),
-                hall = halls.emptied(&name, &stage) => (false, hall),
+                _ = announced.changed() => false,
+                () = halls.emptied(&name, &stage) => false,
             };
+            let hall = halls.close(&name, &stage);
             // Who is still there is told goodbye where the sender has said it. Else the connections end, and the viewers join again.
             if has_hung_up {
                 stop.send_replace(true);
@@ -158,8 +226,15 @@ impl Halls {
         hall
     }
 
-    /// Waits until nobody has been in the hall for long, and closes it to newcomers.
-    async fn emptied(&self, name: &Name, stage: &Stage) -> Option<Hall> {
+    /// Closes a hall to newcomers, unless another one is in its place.
+    fn close(&self, name: &Name, stage: &Stage) -> Option<Hall> {
+        let mut open = self.locked();
+        let is_it = |hall: &mut Hall| Arc::ptr_eq(&hall.stage.counts, &stage.counts);
+        open.get_mut(name).is_some_and(is_it).then(|| open.remove(name)).flatten()
+    }
+
+    /// Waits until nobody has been in the hall for long, or it is open no longer, and closes it to newcomers.
+    async fn emptied(&self, name: &Name, stage: &Stage) {
         let mut looks = interval(LOOK);
         looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let mut empty_for = Duration::ZERO;
@@ -167,12 +242,18 @@ impl Halls {
             looks.tick().await;
             // With the lock nobody enters meanwhile.
             let mut open = self.locked();
+            let is_open = (open.get(name))
+                .is_some_and(|hall| Arc::ptr_eq(&hall.stage.counts, &stage.counts));
+            if !is_open {
+                return;
+            }
             empty_for = match stage.counts.begun.load(Relaxed) {
                 0 => empty_for + LOOK,
                 _ => Duration::ZERO,
             };
             if empty_for > EMPTY {
-                return open.remove(name);
+                open.remove(name);
+                return;
             }
         }
     }

@@ -154,7 +154,7 @@ impl Forwarder {
             room: source,
         };
         let (stage, mut upstream, sender) =
-            begin(Arc::new(signaling), announcement, clock, most, stopped);
+            begin(Arc::new(signaling), announcement, clock, most, stopped, false);
         let counts = Arc::clone(&stage.counts);
         let room = AudienceRoom {
             client,
@@ -203,6 +203,7 @@ fn begin(
     clock: Clock,
     most: usize,
     stop: watch::Receiver<bool>,
+    only_sealed: bool,
 ) -> (Stage, Upstream, watch::Receiver<Option<PublicKey>>) {
     let (telling, source) = watch::channel(None);
     let (meeting, sender) = watch::channel(None);
@@ -229,6 +230,7 @@ fn begin(
         forwarded: stage.forwarded.clone(),
         counts: Arc::clone(&stage.counts),
         stop: stage.stop.clone(),
+        only_sealed,
     };
     (stage, upstream, sender)
 }

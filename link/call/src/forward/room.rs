@@ -35,7 +35,7 @@ struct OverHttp {
 #[async_trait::async_trait]
 impl Reply for OverHttp {
     async fn answer(
-        self,
+        &mut self,
         announced: Announcement,
         offer: &str,
         answer: &str,
@@ -84,8 +84,14 @@ impl AudienceRoom {
                 event = self.next_event(&entering, &mut presence, &mut backoff) => event,
             };
             match event {
-                PresenceEvent::Offer { session, sdp, .. } => {
-                    let Some(place) = stage.place() else {
+                PresenceEvent::Offer {
+                    session,
+                    sdp,
+                    forwards,
+                } => {
+                    // A server's forwarder would need what is sealed, which this one does not do.
+                    let place = (!forwards).then(|| stage.place()).flatten();
+                    let Some(place) = place else {
                         log::warn!("a viewer is refused: there are {} already", stage.most);
                         self.refuse(session);
                         continue;

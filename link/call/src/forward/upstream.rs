@@ -12,12 +12,13 @@ use identity::PublicKey;
 use link_playout::Clock;
 use link_playout::clock::Exchange;
 use link_protocol::data_channel::Message;
+use link_protocol::sealed::Header;
 use link_protocol::{Announcement, sealed};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 use tokio::sync::{broadcast, watch};
-use tokio::time::{Instant, MissedTickBehavior, interval, sleep};
+use tokio::time::{Instant, MissedTickBehavior, interval, sleep, timeout_at};
 
 /// A sender that says nothing for so long is joined again.
 const SILENCE: Duration = Duration::from_millis(800);
@@ -49,6 +50,48 @@ pub(super) enum Until {
     Gone(Duration),
 }
 
+impl Until {
+    /// Whether that is now, for a sender that was there last then.
+    fn is_over(self, last_here: Instant) -> bool {
+        matches!(self, Self::Gone(after) if last_here.elapsed() >= after)
+    }
+}
+
+/// What a sender may have handed on in a second, bytes of each frame a second and of voice: twice what it needs at most, for it is sent so many times.
+const BYTES_A_FRAME: f64 = 1_000.0;
+const BYTES_OF_VOICE: f64 = 25_000.0;
+
+/// So many bytes a second, those of a second at once.
+struct Budget {
+    a_second: f64,
+    left: f64,
+    at: Instant,
+}
+
+impl Budget {
+    fn of(announced: &Announcement) -> Self {
+        let a_second = 2.0 * (announced.rate_hz * BYTES_A_FRAME + BYTES_OF_VOICE);
+        Self {
+            a_second,
+            left: a_second,
+            at: Instant::now(),
+        }
+    }
+
+    /// Whether so many more are within it.
+    fn allows(&mut self, bytes: usize) -> bool {
+        let now = Instant::now();
+        let since = now.duration_since(self.at).as_secs_f64();
+        self.at = now;
+        self.left = (self.left + since * self.a_second).min(self.a_second);
+        let fits = self.left >= bytes as f64;
+        if fits {
+            self.left -= bytes as f64;
+        }
+        fits
+    }
+}
+
 /// The side towards the sender.
 pub(super) struct Upstream {
     pub(super) signaling: Arc<dyn Signaling>,
@@ -61,6 +104,8 @@ pub(super) struct Upstream {
     pub(super) forwarded: broadcast::Sender<Forwarded>,
     pub(super) counts: Arc<Counts>,
     pub(super) stop: watch::Receiver<bool>,
+    /// Nothing is handed on but what is sealed: what this side could make of the rest, it could also change.
+    pub(super) only_sealed: bool,
 }
 
 impl Upstream {
@@ -71,7 +116,7 @@ impl Upstream {
         loop {
             let mut stop = self.stop.clone();
             let joined = tokio::select! {
-                joined = self.join() => joined,
+                joined = self.join_within(until, last_here) => joined,
                 () = is_set(&mut stop) => return false,
             };
             match joined {
@@ -90,16 +135,31 @@ impl Upstream {
                     }
                     last_here = Instant::now();
                 }
+                // It does not take a forwarder, or no further one.
+                Err(error @ (CallError::TooManyViewers | CallError::Refused))
+                    if until != Until::Stopped =>
+                {
+                    log::warn!("a sender is not forwarded: {error}");
+                    return false;
+                }
                 Err(error) => log::debug!("the sender is not joined yet: {error}"),
             }
-            if let Until::Gone(after) = until
-                && last_here.elapsed() > after
-            {
+            if until.is_over(last_here) {
                 return false;
             }
             tokio::select! {
                 () = sleep(backoff.next()) => {}
                 () = is_set(&mut stop) => return false,
+            }
+        }
+    }
+
+    async fn join_within(&self, until: Until, last_here: Instant) -> Result<Session, CallError> {
+        match until {
+            Until::Stopped => self.join().await,
+            Until::Gone(after) => {
+                let joined = timeout_at(last_here + after, self.join()).await;
+                joined.map_err(|_| CallError::NotConnected)?
             }
         }
     }
@@ -126,6 +186,7 @@ impl Upstream {
     /// Hands on what comes until the connection ends; why it did.
     async fn pump(&mut self, session: &mut Session) -> Ended {
         let mut out = Vec::with_capacity(64);
+        let mut budget = Budget::of(&self.announcing.borrow());
         let mut ticks = interval(TICK);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
@@ -143,7 +204,7 @@ impl Upstream {
                 event = session.peer.next() => match event {
                     PeerEvent::Message(bytes) => {
                         session.last_heard = Instant::now();
-                        match self.take(session, bytes) {
+                        match self.take(session, bytes, &mut budget) {
                             Ok(false) => {}
                             Ok(true) => {
                                 answer_bye(&session.peer, session.id).await;
@@ -154,7 +215,9 @@ impl Upstream {
                     }
                     PeerEvent::Voice(packet) => {
                         self.counts.voice.fetch_add(1, Relaxed);
-                        if let Some(packet) = session.hear(packet) {
+                        if let Some(packet) = session.hear(packet)
+                            && budget.allows(packet.opus.len())
+                        {
                             // Without viewers nobody listens.
                             let _ = self.forwarded.send(Forwarded::Voice(packet));
                         }
@@ -167,7 +230,12 @@ impl Upstream {
     }
 
     /// Takes one message of the sender's; whether it was a bye.
-    fn take(&self, session: &mut Session, bytes: Bytes) -> Result<bool, CallError> {
+    fn take(
+        &self,
+        session: &mut Session,
+        bytes: Bytes,
+        budget: &mut Budget,
+    ) -> Result<bool, CallError> {
         if !session.is_sealed()
             && let Some(lines) = sealed::read_seal(&bytes, session.id)
         {
@@ -206,12 +274,16 @@ impl Upstream {
                     is_new
                 });
             }
-            Arrived::Message(Message::Feedback(_)) | Arrived::Nothing => {}
+            Arrived::Message(Message::Feedback(_)) | Arrived::Unsealed | Arrived::Nothing => {}
+            Arrived::Message(Message::State(_)) if self.only_sealed => {}
             Arrived::Message(Message::State(state)) => {
                 // Without viewers nobody listens.
                 let _ = self.forwarded.send(Forwarded::State(state));
             }
             // Motion, which the viewers' decoders check, or what is sealed for them.
+            Arrived::Motion(bytes)
+                if (self.only_sealed && Header::read(&bytes).is_none())
+                    || !budget.allows(bytes.len()) => {}
             Arrived::Motion(bytes) => {
                 self.counts.messages.fetch_add(1, Relaxed);
                 let _ = self.forwarded.send(Forwarded::Motion(bytes));

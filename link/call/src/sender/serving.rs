@@ -15,7 +15,7 @@ use link_voice::{Voice, timestamp};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
-use tokio::sync::{OwnedSemaphorePermit, broadcast, watch};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast, watch};
 use tokio::time::{Instant, sleep_until, timeout};
 
 /// From an offer to the open channel.
@@ -69,51 +69,59 @@ impl Outlet<'_> {
 }
 
 impl Shared {
-    /// Takes the side that offers, or answers that it is not taken; the place that it has, and what seals for it.
+    /// Takes the side that offers, or answers that it is not taken.
     async fn admit(
         &self,
         room: &RoomLink,
         name: &Name,
         offer: &Offer,
-    ) -> Result<(Admitted, Option<Sealer>), CallError> {
-        // A forwarder has nothing to prove: what it gets is of no use to it.
-        let (viewer, sealer) = if offer.forwards {
+    ) -> Result<Admitted, CallError> {
+        // What is sealed with a secret is of no use to a forwarder, so it has nothing to prove. Without a secret, and between the people of a call, there is
+        // none: nobody could open what is sealed, or each could pass for another.
+        let hands_over =
+            self.places.forwards.load(Relaxed) && room.secret().is_some() && !room.is_seat();
+        let (viewer, sealer) = if offer.forwards && hands_over {
             (None, Sealer::new(room, self.avatar)?)
         } else {
             let viewer = introduction::admit_viewer(&self.client, room, name, &offer.sdp).await?;
             (viewer, None)
         };
-        let place = match &self.places {
-            Some(places) if offer.forwards => Arc::clone(&places.forwarders).try_acquire_owned(),
-            Some(places) => Arc::clone(&places.viewers).try_acquire_owned(),
-            None if self.counts.viewers.load(Relaxed) < MAX_VIEWERS => {
-                return Ok((
-                    Admitted {
-                        viewer,
-                        _place: None,
-                    },
-                    sealer,
-                ));
-            }
-            None => Err(tokio::sync::TryAcquireError::NoPermits),
+        let place = if !hands_over {
+            let is_full = self.counts.viewers.load(Relaxed) >= MAX_VIEWERS;
+            (!is_full).then_some(None)
+        } else if offer.forwards {
+            take(&self.places.forwarders)
+        } else {
+            take(&self.places.viewers)
         };
-        let Ok(place) = place else {
+        let Some(place) = place else {
             (self.client.answer(room, name, &Refusal::Full.answer())).await?;
-            return Err(CallError::TooManyViewers);
+            return Err(if hands_over {
+                CallError::HandedOver
+            } else {
+                CallError::TooManyViewers
+            });
         };
-        let admitted = Admitted {
+        Ok(Admitted {
             viewer,
-            _place: Some(place),
-        };
-        Ok((admitted, sealer))
+            place,
+            sealer,
+        })
     }
+}
+
+/// A place, if one is free.
+fn take(places: &Arc<Semaphore>) -> Option<Option<OwnedSemaphorePermit>> {
+    Arc::clone(places).try_acquire_owned().ok().map(Some)
 }
 
 /// A viewer that is taken.
 struct Admitted {
     /// Who it is, where it says so.
     viewer: Option<PublicKey>,
-    _place: Option<OwnedSemaphorePermit>,
+    /// Nothing where the server does not forward.
+    place: Option<OwnedSemaphorePermit>,
+    sealer: Option<Sealer>,
 }
 
 /// One viewer from its offer to its end.
@@ -129,9 +137,13 @@ pub(super) async fn serve_viewer(
         .plan(room.server(), &shared.ice_servers)
         .await;
     let relay = plan.relay.clone();
-    let (admitted, sealer) = match shared.admit(&room, name, &offer).await {
-        // The server hands it over, and the performer has nothing to do about it.
-        Err(CallError::TooManyViewers) if shared.places.is_some() => {
+    let Admitted {
+        viewer,
+        place,
+        sealer,
+    } = match shared.admit(&room, name, &offer).await {
+        // The performer has nothing to do about it.
+        Err(CallError::HandedOver) => {
             log::debug!("a viewer is handed over to the server");
             return Ok(());
         }
@@ -173,7 +185,7 @@ pub(super) async fn serve_viewer(
     counts.viewers.fetch_add(1, Relaxed);
     counts.joined.fetch_add(1, Relaxed);
     let path = peer.path().await;
-    let key = (admitted.viewer).map(|key| format!(" with the key {}", key.fingerprint()));
+    let key = viewer.map(|key| format!(" with the key {}", key.fingerprint()));
     let who = if forwards {
         "the server's forwarder"
     } else {
@@ -193,7 +205,7 @@ pub(super) async fn serve_viewer(
         session,
         sealed: Vec::new(),
     };
-    let why = send_motion(&mut shared, before, outlet, &mut left).await;
+    let why = send_motion(&mut shared, before, outlet, place, &mut left).await;
     counts.viewers.fetch_sub(1, Relaxed);
     log::info!("{who} has left (session {session:08x}): {why}");
     peer.close().await;
@@ -205,6 +217,7 @@ async fn send_motion(
     shared: &mut Shared,
     before: u32,
     mut outlet: Outlet<'_>,
+    mut place: Option<OwnedSemaphorePermit>,
     left: &mut watch::Receiver<bool>,
 ) -> &'static str {
     let session = outlet.session;
@@ -311,6 +324,8 @@ async fn send_motion(
             }
             () = sleep_until(doubt_at.unwrap_or(silent_at)), if doubt_at.is_some() => {
                 doubt_at = None;
+                // The viewer may come back by another connection before this one is given up.
+                drop(place.take());
                 shared.doubt.notify_one();
             }
             () = sleep_until(silent_at) => return "it sent nothing for 4 s",

@@ -62,6 +62,13 @@ impl Call {
                     self.emit(CallEvent::Joined);
                 }
             }
+            Arrived::Unsealed => {
+                if let Err(error) = self.meet(session.sender) {
+                    return Handled::Refused(error);
+                }
+                self.voice.begin_connection();
+                self.emit(CallEvent::Joined);
+            }
             Arrived::Motion(message) => self.show(session, &message, out).await,
             Arrived::Message(Message::Feedback(_)) | Arrived::Nothing => {}
         }

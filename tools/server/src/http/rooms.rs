@@ -100,7 +100,6 @@ pub(super) async fn join(
                         room: Box::new(RoomHere::new(&app, room)),
                         session: session.into(),
                         offer,
-                        ice_servers: app.ice.servers(&headers, room, claims.expires),
                     };
                     forwarding.take(viewer).await
                 }

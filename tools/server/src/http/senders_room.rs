@@ -4,7 +4,7 @@ use super::App;
 use crate::Id;
 use crate::forwarding::SendersRoom;
 use crate::rooms::{RoomReply, RoomRequest};
-use link_protocol::{Announcement, Name};
+use link_protocol::{Announcement, IceServers, Name};
 use std::sync::{Arc, Weak};
 
 /// One that its sender may leave, and a server that may end.
@@ -35,6 +35,11 @@ impl SendersRoom for RoomHere {
             RoomReply::Announcement { announcement, .. } => Some(announcement),
             _ => None,
         }
+    }
+
+    fn ice_servers(&self) -> IceServers {
+        let app = self.app.upgrade();
+        app.map_or_else(IceServers::default, |app| app.ice.own_servers(self.room))
     }
 
     async fn offer(&self, sdp: &str) -> Option<(Name, String)> {

@@ -5,7 +5,7 @@ use link_call::{CallError, Signaling};
 use link_http::rooms::Answer;
 use link_protocol::room_link::ServerUrl;
 use link_protocol::rooms::RoomStatus;
-use link_protocol::{IceServers, Name, RoomLink};
+use link_protocol::{Name, RoomLink};
 use server::{Forwarding, HandedOver, SendersRoom};
 use std::sync::Arc;
 
@@ -34,17 +34,12 @@ impl Forwarding for Forwarder {
             room,
             session,
             offer,
-            ice_servers,
         } = viewer;
         // There is no token: nothing is asked over HTTP.
         let link = RoomLink::of(self.address.clone(), room.name().as_str(), "none");
         let link = link.inspect_err(|error| log::error!("{error}")).ok()?;
-        let room = OwnRoom {
-            link,
-            room,
-            ice_servers: ice_servers.clone(),
-        };
-        let taken = self.halls.take(Arc::new(room), session, ice_servers, offer);
+        let room = OwnRoom { link, room };
+        let taken = self.halls.take(Arc::new(room), session, offer);
         taken
             .await
             .inspect_err(|error| log::warn!("a viewer is not forwarded to: {error}"))
@@ -61,8 +56,6 @@ impl Forwarding for Forwarder {
 struct OwnRoom {
     link: RoomLink,
     room: Box<dyn SendersRoom>,
-    /// What the first viewer was told: the forwarder finds its way to the sender by the same.
-    ice_servers: IceServers,
 }
 
 #[async_trait::async_trait]
@@ -75,7 +68,7 @@ impl Signaling for OwnRoom {
         let announcement = self.room.announcement().await;
         Ok(RoomStatus {
             announcement: announcement.ok_or(CallError::SenderAbsent)?,
-            ice_servers: self.ice_servers.clone(),
+            ice_servers: self.room.ice_servers(),
         })
     }
 

@@ -131,8 +131,9 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     #[cfg(not(feature = "operator"))]
     let scheme = "http";
     if let Some(viewers) = options.forward {
-        let address = SocketAddr::new(reachable(options.listen.ip()), options.listen.port());
-        let address = format!("{scheme}://{address}").parse()?;
+        // By which this machine's own loopback is never meant, where a proxy stands before this server.
+        let ip = reachable(Ipv4Addr::UNSPECIFIED.into());
+        let address = format!("{scheme}://{ip}").parse()?;
         config.forwarding = Some(Arc::new(Forwarder::new(address, viewers)));
     }
     let network = Network::start()?;
