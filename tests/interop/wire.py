@@ -108,11 +108,11 @@ class Opener:
         seals = [line[len("a=mon3tr-seal:"):] for line in lines.splitlines() if line.startswith("a=mon3tr-seal:")]
         if len(seals) != 1 or not link.is_proved(lines, "seal", [link.room, avatar, seals[0]]):
             raise Refused("seal")
-        salt, sealed_at = seals[0].split(" ")
-        if abs(time.time() - int(sealed_at)) > 600:
+        salt, sealed_at, messages, _ = seals[0].split(" ")
+        if abs(time.time() - int(sealed_at)) > 300:
             raise Refused("old_seal")
         key = hmac.digest(link.secret, f"mon3tr seal 1\nkey\n{link.room}\n{avatar}\n{salt}".encode(), "sha256")
-        self.session, self.cipher = session, ChaCha20Poly1305(key)
+        self.session, self.cipher, self.messages = session, ChaCha20Poly1305(key), int(messages)
 
     def message(self, sealed):
         """The message within, or nothing."""
@@ -121,7 +121,7 @@ class Opener:
         if len(sealed) < SEALED_HEADER.size:
             return None
         kind, session, counter = SEALED_HEADER.unpack_from(sealed)
-        if kind != SEALED or session != self.session:
+        if kind != SEALED or session != self.session or counter <= self.messages:
             return None
         nonce = bytes(8) + counter.to_bytes(4, "little")
         try:

@@ -16,9 +16,11 @@ pub(super) fn is_given(task: &TaskContext<'_>, settings: &Settings) -> anyhow::R
             let servers = rooms.value.iter().map(|room| room.server()).collect();
             (servers, rooms.origin, None)
         }
-        Task::Member(call) => {
-            (vec![call.value.server()], call.origin, Some(call.value.call()))
-        }
+        Task::Member(call) => (
+            vec![call.value.server()],
+            call.origin,
+            Some(call.value.call()),
+        ),
         Task::Profile(_) => return Ok(true),
     };
     for server in &servers {

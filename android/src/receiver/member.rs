@@ -20,8 +20,8 @@ use app_session::own_motion::OwnMotion;
 use app_session::participant::{NetworkContext, Origin, Participant};
 use app_session::session::Session;
 use call_member::{
-    Acquaintances, Guest, Members, Performance, PrivacyButtons, Roster, SetAtEnd, WEARER_RATE, WearerCapture,
-    play_voices,
+    Acquaintances, Guest, Members, Performance, PrivacyButtons, Roster, SetAtEnd, WEARER_RATE,
+    WearerCapture, play_voices,
 };
 use identity::Keyring;
 use link_call::{Credentials, Sender};

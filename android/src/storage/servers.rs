@@ -67,7 +67,10 @@ mod tests {
         known.add(&first, None).expect("kept");
         assert!(known.has(&first, None));
         let [ours, theirs] = ["c1", "c2"].map(|name| name.parse::<Name>().expect("a name"));
-        assert!(!known.has(&first, Some(&ours)), "to watch is not to be seen");
+        assert!(
+            !known.has(&first, Some(&ours)),
+            "to watch is not to be seen"
+        );
         known.add(&first, Some(&ours)).expect("kept");
         assert!(known.has(&first, Some(&ours)) && !known.has(&first, Some(&theirs)));
         for other in [

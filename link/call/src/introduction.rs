@@ -466,9 +466,8 @@ mod tests {
         let answer = introduce_forwarder(ANSWER);
         let media = answer.find("m=").expect("media");
         assert!(answer.find(FORWARDER_LINE).expect("a line") < media);
-        let check = |room: &RoomLink| {
-            Authentication::default().check(room, avatar('a'), OFFER, &answer)
-        };
+        let check =
+            |room: &RoomLink| Authentication::default().check(room, avatar('a'), OFFER, &answer);
         let taken = check(&secret("r1", 1)).expect("it cannot read");
         assert_eq!(taken, Answered::Forwarder);
         let call: CallLink = "http://127.0.0.1:1/calls/c1#token".parse().expect("a link");
@@ -476,7 +475,10 @@ mod tests {
         let seat = call.seat(&"r1".parse().expect("a name"));
         for room in [room("r1"), keyed("r1", 1), seat] {
             let refused = check(&room);
-            assert!(matches!(refused, Err(CallError::TooManyViewers)), "{refused:?}");
+            assert!(
+                matches!(refused, Err(CallError::TooManyViewers)),
+                "{refused:?}"
+            );
         }
         for (refusal, expected) in [
             (Refusal::Link, CallError::Refused),

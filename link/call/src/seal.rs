@@ -376,7 +376,10 @@ mod tests {
         }
         assert!(opener.message(5, &second).is_some());
         let (other, _) = pair(None);
-        assert!(!opener.renew(&terms(&other.lines(None))), "another connection");
+        assert!(
+            !opener.renew(&terms(&other.lines(None))),
+            "another connection"
+        );
         let everyone = Authentication::default();
         for (room, avatar) in [
             (room("r1", 2), avatar("a")),

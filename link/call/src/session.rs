@@ -107,7 +107,12 @@ impl Session {
         let avatar = announcement.avatar.sha256;
         let (sender, seal) = match authentication.check(room, avatar, &offer, &answer.sdp)? {
             Answered::Sender(sender) => (sender, Seal::None),
-            Answered::Forwarder => (None, Seal::Awaited { since: Instant::now() }),
+            Answered::Forwarder => (
+                None,
+                Seal::Awaited {
+                    since: Instant::now(),
+                },
+            ),
         };
         peer.accept(answer.sdp).await?;
         match timeout(limit, peer.opened()).await {
@@ -166,15 +171,14 @@ impl Session {
         };
         if let Some(lines) = of_forwarder {
             let terms = Terms::read(&self.authentication, &self.room, self.avatar, lines)?;
-            return Ok(match &mut self.seal {
-                Seal::Known(opener) if opener.is_newer_than(&terms) => Arrived::Nothing,
-                Seal::Known(opener) if opener.renew(&terms) => Arrived::Nothing,
-                _ => {
-                    self.sender = terms.sender();
-                    self.seal = Seal::Known(Box::new(Opener::new(terms)?));
-                    Arrived::Unsealed
-                }
-            });
+            if let Seal::Known(opener) = &mut self.seal
+                && (opener.is_newer_than(&terms) || opener.renew(&terms))
+            {
+                return Ok(Arrived::Nothing);
+            }
+            self.sender = terms.sender();
+            self.seal = Seal::Known(Box::new(Opener::new(terms)?));
+            return Ok(Arrived::Unsealed);
         }
         Ok(match Message::read(&bytes, self.id) {
             None | Some(Message::State(_)) => Arrived::Nothing,

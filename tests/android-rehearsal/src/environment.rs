@@ -140,9 +140,17 @@ impl Scene<'_> {
         self.folder.join("external")
     }
 
-    /// The app's file of the servers that the wearer has agreed to.
+    /// The app's file of the servers and calls that the wearer has agreed to.
     pub(crate) fn known_servers(&self) -> PathBuf {
         self.folder.join("internal/servers")
+    }
+
+    /// The wearer has been in the call of this link.
+    pub(crate) fn knows_call(&self, link: &str) -> anyhow::Result<()> {
+        let known = self.known_servers();
+        fs::create_dir_all(known.parent().unwrap_or(&self.folder))?;
+        let (call, _) = link.split_once('#').context("no link of a call")?;
+        Ok(fs::write(known, format!("{call}\n"))?)
     }
 
     /// A server, and a person of this size to be sent.

@@ -70,7 +70,11 @@ mod tests {
         let both = buttons.notice().expect("muted and hidden");
         assert!(muted != both && both.lines.len() <= NOTICE_LINES);
         let letters = both.lines.iter().map(|line| line.chars().count());
-        assert!(letters.max().is_some_and(|most| most <= NOTICE_LETTERS as usize));
+        assert!(
+            letters
+                .max()
+                .is_some_and(|most| most <= NOTICE_LETTERS as usize)
+        );
         buttons.toggle_mute();
         buttons.toggle_hide();
         assert_eq!(buttons.notice(), None);

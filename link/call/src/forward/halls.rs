@@ -70,12 +70,7 @@ impl Drop for Here {
 
 #[async_trait::async_trait]
 impl Reply for Here {
-    async fn answer(
-        &mut self,
-        _: Announcement,
-        _: &str,
-        answer: &str,
-    ) -> Result<(), CallError> {
+    async fn answer(&mut self, _: Announcement, _: &str, answer: &str) -> Result<(), CallError> {
         let answer = introduction::introduce_forwarder(answer);
         let reply = self.answer.take().ok_or(CallError::NotConnected)?;
         // Where the request has ended its viewer is gone.
@@ -107,8 +102,14 @@ impl Halls {
         let status = room.status().await?;
         let mut source = self.hall(&room, status.announcement)?;
         // A sender that takes no forwarder is found out before its viewers are.
-        let joined = timeout(JOINED_WITHIN, source.wait_for(Option::is_some)).await;
-        if !matches!(joined, Ok(Ok(_))) {
+        let joined = timeout(JOINED_WITHIN, async {
+            // Not by `wait_for`, whose result holds a lock.
+            while source.borrow_and_update().is_none() {
+                source.changed().await.ok()?;
+            }
+            Some(())
+        });
+        if !matches!(joined.await, Ok(Some(()))) {
             return Err(CallError::TooManyViewers);
         }
         let (answer, answered) = oneshot::channel();
@@ -230,7 +231,10 @@ impl Halls {
     fn close(&self, name: &Name, stage: &Stage) -> Option<Hall> {
         let mut open = self.locked();
         let is_it = |hall: &mut Hall| Arc::ptr_eq(&hall.stage.counts, &stage.counts);
-        open.get_mut(name).is_some_and(is_it).then(|| open.remove(name)).flatten()
+        open.get_mut(name)
+            .is_some_and(is_it)
+            .then(|| open.remove(name))
+            .flatten()
     }
 
     /// Waits until nobody has been in the hall for long, or it is open no longer, and closes it to newcomers.
@@ -242,8 +246,8 @@ impl Halls {
             looks.tick().await;
             // With the lock nobody enters meanwhile.
             let mut open = self.locked();
-            let is_open = (open.get(name))
-                .is_some_and(|hall| Arc::ptr_eq(&hall.stage.counts, &stage.counts));
+            let is_open =
+                (open.get(name)).is_some_and(|hall| Arc::ptr_eq(&hall.stage.counts, &stage.counts));
             if !is_open {
                 return;
             }

@@ -153,8 +153,14 @@ impl Forwarder {
             client: client.clone(),
             room: source,
         };
-        let (stage, mut upstream, sender) =
-            begin(Arc::new(signaling), announcement, clock, most, stopped, false);
+        let (stage, mut upstream, sender) = begin(
+            Arc::new(signaling),
+            announcement,
+            clock,
+            most,
+            stopped,
+            false,
+        );
         let counts = Arc::clone(&stage.counts);
         let room = AudienceRoom {
             client,

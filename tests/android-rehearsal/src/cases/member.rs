@@ -44,6 +44,7 @@ pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<F
     write_raw(&microphone, &talk())?;
     let mut desk = at_the_desk(&scene, &server)?;
     let link = desk.word_after("mon3tr call ");
+    scene.knows_call(&link)?;
 
     let text = |path: &Path| path.display().to_string();
     let mut process = scene.process_with(&[
@@ -126,6 +127,7 @@ pub(super) fn perform_without(environment: &Environment, name: &str) -> anyhow::
     let server = scene.server(PuppetSize::SMALL)?;
     let mut desk = at_the_desk(&scene, &server)?;
     let link = desk.word_after("mon3tr call ");
+    scene.knows_call(&link)?;
     let mut process = scene.process()?;
     let activity = process.launch(opening_call(&link))?;
     process.wait_for("there is no avatar", 1)?;

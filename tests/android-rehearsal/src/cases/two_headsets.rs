@@ -1,7 +1,9 @@
 //! Two headsets in one call, and nobody else: each wearer is captured, sees the other move, and hears what they say.
 
 use super::call::shows_people;
-use super::member::{AVATAR, LIKE, UNLIKE, desk_voice, likeness, number_before, read_raw, write_raw};
+use super::member::{
+    AVATAR, LIKE, UNLIKE, desk_voice, likeness, number_before, read_raw, write_raw,
+};
 use super::{Figures, assert_well, figure};
 use crate::environment::{Environment, Scene, Server, opening_call};
 use crate::process::Process;
@@ -38,9 +40,7 @@ impl<'a> Wearer<'a> {
     ) -> anyhow::Result<Self> {
         fs::create_dir_all(scene.external())?;
         fs::copy(&server.avatar, scene.external().join(AVATAR))?;
-        let known = scene.known_servers();
-        fs::create_dir_all(known.parent().unwrap_or(&scene.folder))?;
-        fs::write(known, format!("http://{}\n", server.address))?;
+        scene.knows_call(link)?;
         let [microphone, heard] = ["said.f32", "heard.f32"].map(|file| scene.folder.join(file));
         write_raw(&microphone, &said)?;
         let text = |path: &PathBuf| path.display().to_string();
@@ -67,7 +67,11 @@ pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<F
     let server = first.server(PuppetSize::SMALL)?;
     let address = format!("http://{}", server.address);
     // A link is made at a desk, and sent to both; whoever made it leaves.
-    let opened = [("--server", address.as_str()), ("--name", "Desk"), ("--display", "none")];
+    let opened = [
+        ("--server", address.as_str()),
+        ("--name", "Desk"),
+        ("--display", "none"),
+    ];
     let mut desk = first.call(&server, &opened);
     let link = desk.word_after("mon3tr call ");
     let mut ada = Wearer::open(first, &server, &link, "Ada", talk())?;

@@ -17,12 +17,13 @@ use app_pipeline::control::Control;
 use app_pipeline::quality::QualityMode;
 use app_session::call::CallEnd;
 use app_session::display::{self, OffscreenDisplay};
-use app_session::headset::{PrivacySwitch, 
-    HeadsetDisplay, HeadsetFigures, HeadsetHandle, PresentOptions, WearerSlot,
+use app_session::headset::{
+    HeadsetDisplay, HeadsetFigures, HeadsetHandle, PresentOptions, PrivacySwitch, WearerSlot,
 };
 use app_session::participant::{CallReport, NetworkContext, Participant};
 use app_session::presence::DISTANCE;
 use app_session::session::{Session, SessionReport};
+use call_member::PrivacyButtons;
 use glam::{Quat, Vec3};
 use link_protocol::Announcement;
 use npu_runtime::Runtime;

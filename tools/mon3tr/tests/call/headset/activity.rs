@@ -47,7 +47,7 @@ impl Activity {
             // Who wears it has been there: nothing is asked.
             let link: RoomLink = link.parse().expect("a link");
             let known = Folders::new(folder, folder).servers();
-            known.add(link.server()).expect("it is kept");
+            known.add(link.server(), None).expect("it is kept");
         }
         // As it was started: what runs may be a dynamic linker.
         let own = std::env::args_os().next().expect("this program");
