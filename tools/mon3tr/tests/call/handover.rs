@@ -6,9 +6,13 @@ use crate::house::{House, Program, count};
 use crate::interop::{program, python, said};
 use crate::voice::write_wav;
 use link_call::{Authentication, CallError, CallEvent, Viewer};
+use link_codec::Codec;
 use link_http::Client;
 use link_playout::Clock;
-use link_protocol::RoomLink;
+use link_protocol::announcement::{AvatarRef, ChannelMode};
+use link_protocol::presence::PresenceEvent;
+use link_protocol::room_link::ServerUrl;
+use link_protocol::{Announcement, LinkSecret, Refusal, RoomLink};
 use link_voice::VoiceQueue;
 use spmm3::Avatar;
 use std::io::{Read, Write};
@@ -145,6 +149,51 @@ fn the_ninth_viewer_is_handed_to_the_server_and_sees_and_hears_the_same() {
         );
     }
     house.server_says("forwarding has ended in room", 1);
+}
+
+/// A sender of another program that refuses everyone: the server does not keep who it cannot serve.
+#[test]
+fn who_cannot_be_forwarded_to_is_told_that_there_are_too_many() {
+    let house = House::open_with(&["--forward"]);
+    let refuses = house.runtime.block_on(async {
+        let client = Client::new(None).expect("a client");
+        let server: ServerUrl = format!("http://{}", house.address).parse().expect("it");
+        let token = house.owner_token();
+        let put = client.put_package(&server, &token, &house.avatar, |_, _| {});
+        put.await.expect("the package is taken");
+        let room = client
+            .open_room(&server, &token, None)
+            .await
+            .expect("a room");
+        let announcement = Announcement {
+            avatar: AvatarRef::of_file(&house.avatar).expect("the package"),
+            channel: ChannelMode::default(),
+            codec: Codec::default(),
+            rate_hz: 30.0,
+        };
+        let presence = client
+            .open_presence(&room.sender, &announcement.into())
+            .await;
+        let mut presence = presence.expect("in the room");
+        let sender = room.sender.clone();
+        tokio::spawn(async move {
+            while let Ok(event) = presence.next().await {
+                if let PresenceEvent::Offer { session, .. } = event {
+                    let full = Refusal::Full.answer();
+                    let _ = client.answer(&sender, &session, &full).await;
+                }
+            }
+        });
+        room.viewer.with_secret(LinkSecret::new([1; 16]))
+    });
+    let mut viewer = house.receiver(&refuses.to_string(), "viewer", &[]);
+    viewer.says("the sender has as many viewers as it serves", 1);
+    assert!(
+        !viewer.said().contains("joined (session"),
+        "{}",
+        viewer.said()
+    );
+    viewer.ask_to_end();
 }
 
 #[test]

@@ -85,6 +85,32 @@ fn a_signed_avatar_is_driven_by_its_owner_and_whom_they_let() {
     sender.ends();
 }
 
+/// What two people with the same link look like to a viewer who has met one of them.
+#[test]
+fn a_viewer_does_not_go_on_with_someone_else() {
+    let house = House::open();
+    let mut ada = send_as(&house, "ada");
+    let link = ada.word_after("mon3tr receive ");
+    let own = ada.word_after("comes back with --room ");
+    // The viewers' link pins the key; as others print it, it does not.
+    let unpinned = link.split(":key=").next().expect("a link").to_owned();
+    let secret = link.split(":secret=").nth(1).expect("a secret");
+    let secret = secret.split(':').next().expect("its text");
+    let unpinned = match unpinned.contains(":secret=") {
+        true => unpinned,
+        false => format!("{unpinned}:secret={secret}"),
+    };
+    let mut viewer = house.receiver(&unpinned, "viewer", &[]);
+    viewer.says("joined (session", 1);
+    ada.kill();
+    let avatar = house.avatar.to_str().expect("UTF-8").to_owned();
+    let mut send = command(&["send", "--room", &own, "--avatar", &avatar]);
+    send.env("MON3TR_KEY", key(&house, "eve"));
+    let _eve = Program::start_as(&house, house.folder.path(), &mut send);
+    let said = viewer.fails();
+    assert!(said.contains("someone else sends now"), "{said}");
+}
+
 /// The thief has the owner's avatar, a server that takes it, and a program that asks for no key.
 #[test]
 fn viewers_refuse_who_took_an_avatar() {
