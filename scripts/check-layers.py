@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Checks the order of crates and modules: every crate of the workspace states its floor (`[package.metadata.mon3tr] floor = N`) and
 depends, also in its tests, on crates of lower floors only; and within a crate no two sibling modules import one another, neither directly nor
-around a circle. Prints what breaks that, and ends with 1."""
+around a circle. And a crate that has no `unsafe` forbids it. Prints what breaks that, and ends with 1."""
 
 import json
 import re
@@ -134,6 +134,14 @@ def strongly_connected(graph):
             yield sorted(group)
 
 
+def may_be_unsafe(source):
+    """Whether a crate without `unsafe` does not say that it has none."""
+    roots = [file for file in (source / "lib.rs", source / "main.rs") if file.exists()]
+    texts = [file.read_text() for file in sorted(source.rglob("*.rs"))]
+    has_any = any(re.search(r"\bunsafe\b", re.sub(r"//[^\n]*", "", text)) for text in texts)
+    return not has_any and any("#![forbid(unsafe_code)]" not in file.read_text() for file in roots)
+
+
 def main():
     metadata = json.loads(subprocess.check_output(["cargo", "metadata", "--no-deps", "--offline", "--format-version", "1"]))
     packages = {package["name"]: package for package in metadata["packages"]}
@@ -157,9 +165,11 @@ def main():
         for level, circle in circles(source):
             where = "::".join((name,) + level)
             wrong.append(f"{where}: modules import one another: {', '.join(circle)}")
+        if may_be_unsafe(source):
+            wrong.append(f"{name} has no `unsafe`, and no #![forbid(unsafe_code)] in its lib.rs or main.rs")
     for line in wrong:
         print(line)
-    print(f"{len(packages)} crates, {arrows} dependencies between them, {len(wrong)} in the wrong order")
+    print(f"{len(packages)} crates, {arrows} dependencies between them, {len(wrong)} things wrong")
     return 1 if wrong else 0
 
 

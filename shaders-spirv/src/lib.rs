@@ -3,6 +3,8 @@
 //! The GLSL lies in `shaders/`; `build.rs` compiles it with glslang. This crate starts no device and
 //! knows no Vulkan handle: `renderer-splat` and `renderer-openxr` make pipelines of what is here.
 
+#![forbid(unsafe_code)]
+
 mod alpha_cut;
 mod eye;
 mod frame;

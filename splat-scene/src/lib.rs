@@ -10,6 +10,8 @@
 //! turned by 180 degrees about x when they are read. Where another axis of a file points up, [`Scene::detect_up`] may
 //! tell, and [`Scene::turn_up`] turns the scene.
 
+#![forbid(unsafe_code)]
+
 mod axes;
 mod bounds;
 mod builder;

@@ -3,6 +3,8 @@
 //! Planar data, vectors chosen at run time (AVX-512, AVX2, SSE or NEON), rayon's current pool for long ranges, no
 //! allocation and no `unsafe`. `spmm3` has plain versions of the same formulas, and the tests have references in f64.
 
+#![forbid(unsafe_code)]
+
 mod bind;
 mod detail;
 mod error;

@@ -56,6 +56,8 @@
 //! # }
 //! ```
 
+#![forbid(unsafe_code)]
+
 pub mod concealment;
 pub mod control;
 pub mod deform;

@@ -63,6 +63,8 @@
 //! # }
 //! ```
 
+#![forbid(unsafe_code)]
+
 pub mod arrival;
 pub mod attendee;
 pub mod call;

@@ -28,6 +28,8 @@
 //! # Ok::<(), link_codec::decode_error::DecodeError>(())
 //! ```
 
+#![forbid(unsafe_code)]
+
 mod codec;
 mod compact;
 pub mod decode_error;

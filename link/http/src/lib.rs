@@ -22,6 +22,8 @@
 //! # }
 //! ```
 
+#![forbid(unsafe_code)]
+
 pub mod cache;
 mod calls;
 pub mod client;

@@ -14,6 +14,8 @@
 //! assert_eq!(shown, [1, 2], "in order");
 //! ```
 
+#![forbid(unsafe_code)]
+
 pub mod clock;
 pub mod delay;
 pub mod jitter_buffer;

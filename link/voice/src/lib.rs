@@ -29,6 +29,8 @@
 //! # Ok::<(), link_voice::VoiceError>(())
 //! ```
 
+#![forbid(unsafe_code)]
+
 mod encoder;
 mod error;
 mod pace;

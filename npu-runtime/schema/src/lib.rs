@@ -3,6 +3,8 @@
 //! Hand-derived so that no protobuf compiler is needed to build this workspace; ONNX Runtime and the `onnx` checker read what is written
 //! by it. Fields that are not here are passed over when a message is decoded. Names are ONNX's, without `Proto`.
 
+#![forbid(unsafe_code)]
+
 use prost::Message;
 
 /// Element types: `TensorProto.DataType`.

@@ -3,6 +3,8 @@
 //! Tubes around the bones of an SMPL-X-sized skeleton in T-pose, smooth skinning weights, Gaussians spread over the
 //! surface, and small random networks whose effect is visible (centimetres) yet tame. The same size gives the same puppet.
 
+#![forbid(unsafe_code)]
+
 mod body;
 mod networks;
 mod random;

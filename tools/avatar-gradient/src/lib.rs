@@ -9,6 +9,8 @@
 //! Everything is a function of its inputs alone: the number of threads does not change a bit, since no sum depends on who was first.
 //! What is drawn of the Gaussians, where the pictures come from and how a training is arranged is not here.
 
+#![forbid(unsafe_code)]
+
 mod attributes;
 mod bases;
 mod basis_derivatives;

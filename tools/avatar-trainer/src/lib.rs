@@ -8,6 +8,8 @@
 //!
 //! What makes the first avatar, and what measures the last one on pictures that were kept away, is not here.
 
+#![forbid(unsafe_code)]
+
 mod backdrop;
 pub mod checkpoint;
 pub mod colour;

@@ -1,5 +1,7 @@
 //! A member of a call of several, who is its sender and a viewer of everyone else: what the `mon3tr` command and the app on a headset share.
 
+#![forbid(unsafe_code)]
+
 mod acquaintances;
 mod members;
 mod perform;

@@ -5,6 +5,8 @@
 //!
 //! Nobody but the tracker looks at pictures here, and nobody but `motion-fit` knows a body.
 
+#![forbid(unsafe_code)]
+
 pub mod check;
 mod complete;
 mod cut_out;

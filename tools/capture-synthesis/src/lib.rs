@@ -4,6 +4,8 @@
 //! The pictures are made by a mesh rasteriser of its own (perspective-correct textures, z-buffer, 4 x 4 samples a pixel, a shadow map), so
 //! that nothing that is trained or measured on them has drawn them itself. Everything depends on the options alone, not on the number of threads.
 
+#![forbid(unsafe_code)]
+
 pub mod draw;
 mod error;
 pub mod lens;

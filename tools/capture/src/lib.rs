@@ -6,6 +6,8 @@
 //!
 //! Space: metres, y up. A camera's axes are x right, y down, z away from it; the first pixel's centre is at (0.5, 0.5).
 
+#![forbid(unsafe_code)]
+
 mod camera;
 mod capture;
 mod decode;

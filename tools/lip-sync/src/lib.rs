@@ -3,6 +3,8 @@
 //! A [`Listener`] takes 48 kHz sound and gives a [`Mouth`] for each 10 ms, 53 ms behind the sound at most: half a window of 25 ms, three
 //! windows ahead, and a window's step. Its network is trained by the example `train` on speech that `speech.py` makes.
 
+#![forbid(unsafe_code)]
+
 mod blinks;
 pub mod front_end;
 mod listener;

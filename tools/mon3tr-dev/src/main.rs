@@ -1,6 +1,8 @@
 //! The `mon3tr-dev` command: every sub-command of `mon3tr`, `serve` with all that an operator may want of it, and what only developers
 //! need. A program of its own, so that the first picture does not wait for what it is built from.
 
+#![forbid(unsafe_code)]
+
 mod apk;
 mod audience;
 mod bench;

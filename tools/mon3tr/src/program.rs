@@ -29,9 +29,11 @@ pub fn start<A: Parser>(shared: impl FnOnce(&A) -> &SharedOptions) -> A {
         1 => log::LevelFilter::Info,
         _ => log::LevelFilter::Debug,
     };
-    // What the WebRTC library warns of is the ordinary course of a connection being made.
+    // What the WebRTC library takes for trouble is the ordinary course of a connection being made: an address that a relay refuses, where another one will do. Who
+    // calls is told when none does.
     let of_webrtc = match verbose {
-        0 | 1 => log::LevelFilter::Error,
+        0 => log::LevelFilter::Off,
+        1 => log::LevelFilter::Error,
         2 => log::LevelFilter::Info,
         _ => log::LevelFilter::Debug,
     };

@@ -26,6 +26,8 @@
 //! }
 //! ```
 
+#![forbid(unsafe_code)]
+
 pub mod align;
 pub mod body;
 pub mod calibration;

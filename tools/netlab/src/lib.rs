@@ -3,6 +3,8 @@
 //!
 //! [`Lab`] is the whole; [`Link`] decides about each packet, without sockets or a clock. Starts no programs and measures no calls: its users do.
 
+#![forbid(unsafe_code)]
+
 mod calls;
 mod error;
 mod impairment;

@@ -8,6 +8,8 @@
 //! function has a kink, the derivative is PyTorch's: 0 of `Relu` at 0, that of the first maximum of a `MaxPool`. The derivative of a square root at 0 is 0,
 //! so that the norm of a vector of zeros pulls nowhere; there, PyTorch gives no number.
 
+#![forbid(unsafe_code)]
+
 mod constant;
 mod emitter;
 mod error;

@@ -3,6 +3,8 @@
 //!
 //! [`NetworkFile`] reads and checks a file; [`Lpips`] appends its gradient (`onnx-gradient`) and runs both on the CPU.
 
+#![forbid(unsafe_code)]
+
 mod error;
 mod file;
 mod lpips;

@@ -12,6 +12,8 @@
 //!
 //! Space: metres, y up. T-pose: facing +z, +x is the person's left.
 
+#![forbid(unsafe_code)]
+
 mod align;
 mod assemble;
 mod body;

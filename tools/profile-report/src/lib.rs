@@ -3,6 +3,8 @@
 //!
 //! `app` measures; this crate writes the results, the same on a desktop and on a headset. It opens no call and draws nothing.
 
+#![forbid(unsafe_code)]
+
 mod files;
 pub mod machine;
 mod measured;

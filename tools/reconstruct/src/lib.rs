@@ -1,6 +1,8 @@
 //! Builds avatars offline (paper, section III-C, with a made-up person in place of a recorded one): a person's meshes, textures and morph targets in; the template, its
 //! Gaussians and the networks' training data out. Nothing here runs during a call.
 
+#![forbid(unsafe_code)]
+
 pub mod bake;
 mod depth_map;
 mod error;

@@ -7,6 +7,8 @@
 //!
 //! Space, from `prepare` on: metres, y up, the floor at y = 0, the person faces +z and +x is the person's left, as in `spmm3`.
 
+#![forbid(unsafe_code)]
+
 mod apart;
 pub mod bind;
 pub mod body;

@@ -1,5 +1,7 @@
 //! The sending side of a call as a library: motion from a [`Capture`] and voice from a [`VoiceSource`] to every viewer that has joined the room.
 
+#![forbid(unsafe_code)]
+
 mod capture;
 mod clip;
 mod error;

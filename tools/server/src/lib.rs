@@ -4,6 +4,8 @@
 //! `docs/protocol.md`. It deliberately keeps no accounts and no rooms: tokens say what their bearer may do, and a room
 //! is where its sender is connected.
 
+#![forbid(unsafe_code)]
+
 mod config;
 mod connections;
 mod error;

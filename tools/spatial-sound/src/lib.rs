@@ -6,6 +6,8 @@
 //!
 //! A place is in the listener's head: metres, x right, y up, -z ahead, as OpenXR has a head; the origin is between the ears. Everything is 48 kHz.
 
+#![forbid(unsafe_code)]
+
 mod delay_line;
 
 use delay_line::DelayLine;

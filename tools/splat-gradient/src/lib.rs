@@ -10,6 +10,8 @@
 //! Everything is a function of its inputs alone: the number of threads does not change a bit, since no sum depends on who was first.
 //! What makes Gaussians of a pose, and what is done with their derivatives, is not here.
 
+#![forbid(unsafe_code)]
+
 pub mod adam;
 pub mod attributes;
 pub mod device;

@@ -44,6 +44,8 @@
 //! assert_eq!(refused, Err(ConvertError::NotTflite));
 //! ```
 
+#![forbid(unsafe_code)]
+
 mod array;
 mod emit;
 mod error;

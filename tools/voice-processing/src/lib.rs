@@ -7,6 +7,8 @@
 //!
 //! Everything is one channel of 48 kHz, samples from -1 to 1.
 
+#![forbid(unsafe_code)]
+
 mod alignment;
 mod far_end;
 mod loud;
