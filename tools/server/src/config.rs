@@ -4,6 +4,7 @@ use crate::{Forwarding, Secret};
 use link_protocol::ice::IceUrl;
 use link_protocol::limits::{ANSWER_WITHIN, MAX_SDP_BYTES};
 use std::net::{IpAddr, SocketAddr};
+use serde::{Deserialize, Deserializer};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -100,7 +101,8 @@ pub enum StoreConfig {
 }
 
 /// Every bound a server keeps, so that no client makes it grow.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Bytes of the largest package.
     pub package_bytes: u64,
@@ -111,10 +113,12 @@ pub struct Limits {
     pub uploads_at_once: usize,
     /// Packages checked at once. A check unpacks the package: at most 512 MiB each, by the reader's own bounds.
     pub checks_at_once: usize,
-    /// Requests a second that one address may make in the long run; 0 lifts the limit, for a server behind a proxy
-    /// that keeps its own. The address is the connection's: what a proxy writes into `X-Forwarded-For` is not
-    /// believed. IPv6 addresses count by their /64.
+    /// Requests a second that one address may make in the long run; 0 lifts the limit. The address is the connection's, or, behind a proxy, the
+    /// last one in `X-Forwarded-For`. IPv6 addresses count by their /64.
     pub requests_per_second: u32,
+    /// All connections come from a proxy, which adds the client's address to `X-Forwarded-For`. They are not counted by address then, and nobody else may
+    /// be let through to this server: whoever was could say any address.
+    pub behind_proxy: bool,
     /// Requests that one address may make at once.
     pub request_burst: u32,
     /// Connections at once, from everywhere.
@@ -130,16 +134,22 @@ pub struct Limits {
     /// Bytes of an SDP offer or answer.
     pub sdp_bytes: usize,
     /// The longest that a room's tokens may be valid.
+    #[serde(deserialize_with = "seconds")]
     pub room_lifetime: Duration,
     /// How long a sender may take to answer an offer.
+    #[serde(deserialize_with = "seconds")]
     pub answer_within: Duration,
     /// How long a client may take to send a request's head; also how long an idle connection is kept.
+    #[serde(deserialize_with = "seconds")]
     pub head_within: Duration,
     /// How long any request may take, but for presence, uploads and downloads.
+    #[serde(deserialize_with = "seconds")]
     pub request_within: Duration,
     /// How long an upload may pause, and how long a client may leave what was sent to it unread.
+    #[serde(deserialize_with = "seconds")]
     pub pause: Duration,
     /// How long an upload may take altogether.
+    #[serde(deserialize_with = "seconds")]
     pub upload_within: Duration,
 }
 
@@ -151,6 +161,7 @@ impl Default for Limits {
             uploads_at_once: 8,
             checks_at_once: 1,
             requests_per_second: 50,
+            behind_proxy: false,
             request_burst: 500,
             connections: 4096,
             connections_per_address: 512,
@@ -166,4 +177,11 @@ impl Default for Limits {
             upload_within: Duration::from_secs(900),
         }
     }
+}
+
+/// A duration, which a file has in seconds.
+fn seconds<'de, D: Deserializer<'de>>(from: D) -> Result<Duration, D::Error> {
+    let seconds = f64::deserialize(from)?;
+    Duration::try_from_secs_f64(seconds)
+        .map_err(|_| serde::de::Error::custom(format!("{seconds} is no number of seconds")))
 }

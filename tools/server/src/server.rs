@@ -40,15 +40,16 @@ impl Server {
     /// Starts a server; when this returns, it takes connections. To be called in a Tokio runtime.
     ///
     /// # Errors
-    /// If anything in `config` cannot be used. A NATS server or an S3 store that is merely down is no error: `/healthz`
+    /// If anything in `config` cannot be used. A NATS server or an S3 store that is merely down is no error: `/readyz`
     /// says so until it is back.
     pub async fn start(config: Config) -> Result<Self, ServerError> {
         // For TLS towards S3 and NATS; an application that has chosen a provider keeps its choice.
         #[cfg(any(feature = "nats", feature = "s3"))]
         let _ = rustls::crypto::ring::default_provider().install_default();
+        let stopping = CancellationToken::new();
         #[cfg(feature = "tls")]
         let tls = match &config.tls {
-            Some((certificate, key)) => Some(crate::tls::load(certificate, key)?),
+            Some((certificate, key)) => Some(crate::tls::load(certificate, key, &stopping)?),
             None => None,
         };
         let limits = config.limits.clone();
@@ -72,7 +73,11 @@ impl Server {
         };
         let gate = Gate::new(
             limits.connections,
-            limits.connections_per_address,
+            if limits.behind_proxy {
+                limits.connections
+            } else {
+                limits.connections_per_address
+            },
             limits.pause,
             Arc::clone(&metrics),
         );
@@ -81,7 +86,6 @@ impl Server {
             #[cfg(feature = "tls")]
             tls.clone(),
         )?;
-        let stopping = CancellationToken::new();
         let app = Arc::new(App {
             secret: config.secret,
             rooms: Arc::new(Rooms::new(room_limits, Arc::clone(&metrics))),

@@ -1,4 +1,4 @@
-//! The health check, and the counters.
+//! Whether the server lives, whether it can serve, and the counters.
 
 use super::{App, HttpError};
 use axum::extract::State;
@@ -14,7 +14,13 @@ const PROBE_WITHIN: Duration = Duration::from_secs(3);
 #[derive(Debug, Default)]
 pub(crate) struct Cached(Mutex<Option<(Instant, bool)>>);
 
-pub(super) async fn check(State(app): State<Arc<App>>) -> Result<&'static str, HttpError> {
+/// It answers: whoever watches over the process has nothing to do, whatever the store and the other instances are like.
+pub(super) async fn lives() -> &'static str {
+    "ok"
+}
+
+/// Whether requests should come here.
+pub(super) async fn is_ready(State(app): State<Arc<App>>) -> Result<&'static str, HttpError> {
     if app.stopping.is_cancelled() {
         return Err(HttpError::Stopping);
     }

@@ -101,7 +101,8 @@ pub(crate) fn router(app: Arc<App>) -> Router {
             guard::within(within, request, next)
         }))
         .merge(long)
-        .route("/healthz", get(health::check));
+        .route("/healthz", get(health::lives))
+        .route("/readyz", get(health::is_ready));
     #[cfg(feature = "metrics")]
     let router = router.route("/metrics", get(health::metrics));
     router

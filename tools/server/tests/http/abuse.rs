@@ -159,6 +159,33 @@ async fn the_rate_limit_counts_by_the_connections_address_and_ignores_x_forwarde
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn behind_a_proxy_the_address_counts_that_the_proxy_adds() -> Outcome {
+    let server = TestServer::start_with(|c| {
+        c.limits.requests_per_second = 1;
+        c.limits.request_burst = 5;
+        c.limits.behind_proxy = true;
+        c.limits.connections_per_address = 1;
+    })
+    .await?;
+    let ask = async |forwarded: String| -> Outcome<StatusCode> {
+        let request = server.caller.request(Method::GET, "/healthz", "");
+        let answer = request.header("x-forwarded-for", forwarded).send().await?;
+        Ok(answer.status())
+    };
+    for number in 0..20 {
+        let status = ask(format!("10.0.0.{number}")).await?;
+        assert_eq!(status, StatusCode::OK, "client {number}");
+    }
+    // What a client says itself comes first, and is no way out.
+    let mut last = StatusCode::OK;
+    for number in 0..20 {
+        last = ask(format!("10.1.0.{number}, 192.0.2.7")).await?;
+    }
+    assert_eq!(last, StatusCode::TOO_MANY_REQUESTS, "one client");
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_browser_may_call_from_any_page() -> Outcome {
     let server = TestServer::start().await?;
     let caller = &server.caller;

@@ -93,7 +93,7 @@ async fn without_a_genuine_unexpired_token_every_route_answers_the_same_whether_
         }
     }
     assert_eq!(answers.len(), 1, "one answer for all: {answers:?}");
-    for path in ["/healthz", "/metrics"] {
+    for path in ["/healthz", "/readyz", "/metrics"] {
         let answer = caller
             .client
             .get(format!("http://{}{path}", caller.address))

@@ -93,11 +93,11 @@ impl Cluster {
     }
 }
 
-/// Polls `/healthz` until it answers as expected.
+/// Polls `/readyz` until it answers as expected.
 async fn told(caller: &Caller, wished: StatusCode) -> Outcome<String> {
     let begun = Instant::now();
     while begun.elapsed() < PATIENCE {
-        let answer = caller.get("/healthz", "").await?;
+        let answer = caller.get("/readyz", "").await?;
         if answer.status() == wished {
             return Ok(answer.text().await?);
         }
@@ -255,7 +255,7 @@ async fn a_server_whose_nats_is_down_from_the_start_says_so_and_serves_its_own_r
     let nowhere = format!("nats://127.0.0.1:{}", free_port()?);
     let server = TestServer::start_with(|c| c.nats = Some(nowhere)).await?;
     let caller = &server.caller;
-    let answer = caller.get("/healthz", "").await?;
+    let answer = caller.get("/readyz", "").await?;
     assert_eq!(answer.status(), StatusCode::SERVICE_UNAVAILABLE, "not well");
     assert!(answer.text().await?.contains("NATS"), "and why");
     let room = caller.room("ada").await?;

@@ -140,3 +140,38 @@ async fn an_address_in_use_is_named() -> Outcome {
     );
     Ok(())
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_renewed_certificate_is_shown_and_one_that_does_not_fit_is_not() -> Outcome {
+    let files = tempfile::tempdir()?;
+    let (certificate, key) = (files.path().join("cert.pem"), files.path().join("key.pem"));
+    let made = || generate_simple_self_signed(["localhost".to_owned()]);
+    let (first, second) = (made()?, made()?);
+    std::fs::write(&certificate, first.cert.pem())?;
+    std::fs::write(&key, first.signing_key.serialize_pem())?;
+    let server =
+        TestServer::start_with(|c| c.tls = Some((certificate.clone(), key.clone()))).await?;
+    let address = server.server.address();
+    let url = format!("https://localhost:{}/healthz", address.port());
+    let is_shown = async |pem: String| -> Outcome<bool> {
+        // A connection of its own: those that are open keep what they were shown.
+        let client = reqwest::Client::builder()
+            .tls_certs_only([reqwest::Certificate::from_pem(pem.as_bytes())?])
+            .resolve("localhost", address)
+            .build()?;
+        Ok(client.get(&url).send().await.is_ok())
+    };
+    assert!(is_shown(first.cert.pem()).await?, "the first");
+    // Half of a renewal, for longer than the files are left alone.
+    std::fs::write(&certificate, second.cert.pem())?;
+    tokio::time::sleep(std::time::Duration::from_secs(5)).await;
+    assert!(is_shown(first.cert.pem()).await?, "they do not fit");
+    std::fs::write(&key, second.signing_key.serialize_pem())?;
+    let begun = std::time::Instant::now();
+    while !is_shown(second.cert.pem()).await? {
+        assert!(begun.elapsed() < PATIENCE, "it is never shown");
+        tokio::time::sleep(std::time::Duration::from_millis(100)).await;
+    }
+    assert!(!is_shown(first.cert.pem()).await?, "the first is gone");
+    Ok(())
+}

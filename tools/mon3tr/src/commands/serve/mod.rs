@@ -125,7 +125,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         ..TurnConfig::new(listen)
     });
     #[cfg(feature = "operator")]
-    options.operator.set(&mut config);
+    options.operator.set(&mut config)?;
     #[cfg(feature = "operator")]
     let scheme = options.operator.scheme();
     #[cfg(not(feature = "operator"))]
