@@ -31,6 +31,7 @@ use std::time::Duration;
 
 pub use choice::SourceChoice;
 pub use error::SourceError;
+pub use ffmpeg::find_ffmpeg;
 pub use picture::{LARGEST_SIDE, Picture, Source, SourceInfo};
 
 use ahead::{Ahead, Keep};

@@ -34,7 +34,7 @@ pub enum Command {
     Serve(serve::Options),
     /// Talk with someone: both are seen and heard
     Call(Box<call::Options>),
-    /// Say whether, and by which way, others can reach this machine
+    /// Say what this machine has for calls, and whether and by which way others can reach it
     Doctor(doctor::Options),
     /// Show your key, and say who may drive your avatars
     Keys(keys::Options),
@@ -62,7 +62,7 @@ impl Command {
             Self::Render(options) => render::run(options, device),
             Self::Serve(options) => serve::run(options),
             Self::Call(options) => call::run(options, device),
-            Self::Doctor(options) => doctor::run(options),
+            Self::Doctor(options) => doctor::run(options, device),
             Self::Keys(options) => keys::run(options),
             Self::Send(options) => send::run(options, device),
             Self::Receive(options) => receive::run(options, device),

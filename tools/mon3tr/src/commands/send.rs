@@ -421,6 +421,14 @@ impl PersonOptions {
 }
 
 impl HostOptions {
+    /// This server, with this token if it is given.
+    pub(crate) fn new(server: ServerUrl, owner_token: Option<String>) -> Self {
+        Self {
+            server,
+            owner_token,
+        }
+    }
+
     /// The server.
     pub(crate) fn server(&self) -> &ServerUrl {
         &self.server

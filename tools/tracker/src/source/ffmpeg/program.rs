@@ -25,6 +25,14 @@ const LONGEST_LINE: u64 = 4096;
 #[cfg(target_os = "linux")]
 const PIPE: usize = 1 << 20;
 
+/// The program that videos are read with.
+///
+/// # Errors
+/// [`SourceError::NoFfmpeg`], with what to do.
+pub fn find_ffmpeg() -> Result<PathBuf, SourceError> {
+    program("a video")
+}
+
 /// `MON3TR_FFMPEG`, or else `ffmpeg` on the `PATH`.
 fn program(name: &str) -> Result<PathBuf, SourceError> {
     find(std::env::var_os("MON3TR_FFMPEG"), std::env::var_os("PATH")).map_err(|looked| {

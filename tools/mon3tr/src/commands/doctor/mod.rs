@@ -1,12 +1,16 @@
-//! `mon3tr doctor`: whether calls will find their way to this machine, before there is one.
+//! `mon3tr doctor`: what this machine has for calls, and whether they will find their way to it, before there is one.
+
+mod machine;
 
 use crate::commands::send::HostOptions;
+use crate::device_options::DeviceOptions;
 use crate::network::{Line, Trust};
 use crate::report::{check_writable, write_json};
 use anyhow::Context;
 use link_call::reach::{Between, Reach};
 use link_protocol::CallLink;
 use link_protocol::ice::IceUrl;
+use link_protocol::room_link::ServerUrl;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -14,11 +18,20 @@ use std::time::Instant;
 /// Options of `doctor`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
-    /// The call's link that is to be joined; without one, a call on the server is opened to ask
+    /// The call's link that is to be joined: by which way others will reach this machine
     #[arg(value_name = "LINK", conflicts_with = "server")]
     link: Option<String>,
-    #[command(flatten)]
-    host: HostOptions,
+    /// The same of a server, on which a call is opened to ask
+    #[arg(long, value_name = "URL")]
+    server: Option<ServerUrl>,
+    /// The owner's token: what is in the file that `serve` names [default: that of a server on this machine]
+    #[arg(
+        long,
+        value_name = "TOKEN",
+        env = "MON3TR_OWNER_TOKEN",
+        hide_env_values = true
+    )]
+    owner_token: Option<String>,
     /// Ask this STUN server, too: two of them tell what kind of NAT is in between
     #[arg(long, value_name = "HOST[:PORT]", value_parser = parse_stun)]
     stun: Vec<IceUrl>,
@@ -31,6 +44,13 @@ pub struct Options {
 
 #[derive(Serialize)]
 struct Report {
+    machine: Vec<machine::Part>,
+    #[serde(flatten)]
+    network: Option<NetworkReport>,
+}
+
+#[derive(Serialize)]
+struct NetworkReport {
     server: String,
     /// From the question to the answer, milliseconds.
     answered_ms: f64,
@@ -45,40 +65,62 @@ fn parse_stun(text: &str) -> Result<IceUrl, String> {
 }
 
 /// Runs `doctor`.
-pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
+pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
     options.json.as_deref().map_or(Ok(()), check_writable)?;
-    let line = Line::open(&options.trust)?;
-    let link = options.link(&line)?;
-    let begun = Instant::now();
-    let status = line.network.block_on(line.client.call_status(&link));
-    let status = status.context("the server cannot be asked")?;
-    let answered_ms = begun.elapsed().as_secs_f64() * 1e3;
-    let finding = Reach::find(link.server(), &status.ice_servers, &options.stun);
-    let reach = line.network.block_on(finding)?;
-    let report = Report {
-        server: link.server().to_string(),
-        answered_ms,
-        between: reach.between(),
-        reach,
-    };
-    report.print();
-    write_json(options.json.as_deref(), &report)
+    let machine = machine::parts(device);
+    machine::print(&machine);
+    println!();
+    let network = options.network()?;
+    match &network {
+        Some(network) => network.print(),
+        None => println!(
+            "LINK or --server URL says besides by which way others will reach this machine"
+        ),
+    }
+    write_json(options.json.as_deref(), &Report { machine, network })
 }
 
 impl Options {
+    fn network(&self) -> anyhow::Result<Option<NetworkReport>> {
+        if self.link.is_none() && self.server.is_none() {
+            return Ok(None);
+        }
+        let line = Line::open(&self.trust)?;
+        let link = self.link(&line)?;
+        ask(&line, &link, &self.stun).map(Some)
+    }
+
     fn link(&self, line: &Line) -> anyhow::Result<CallLink> {
         if let Some(link) = &self.link {
             return Ok(link.parse()?);
         }
-        let token = self.host.owner_token()?;
-        let opened = line.client.open_call(self.host.server(), &token, None);
+        let server = self.server.clone().context("no server")?;
+        let host = HostOptions::new(server, self.owner_token.clone());
+        let token = host.owner_token()?;
+        let opened = line.client.open_call(host.server(), &token, None);
         line.network
             .block_on(opened)
             .context("the server cannot be asked")
     }
 }
 
-impl Report {
+/// Asks the call's server, and the STUN and TURN servers that it names.
+fn ask(line: &Line, link: &CallLink, stun: &[IceUrl]) -> anyhow::Result<NetworkReport> {
+    let begun = Instant::now();
+    let status = line.network.block_on(line.client.call_status(link));
+    let status = status.context("the server cannot be asked")?;
+    let answered_ms = begun.elapsed().as_secs_f64() * 1e3;
+    let finding = Reach::find(link.server(), &status.ice_servers, stun);
+    let reach = line.network.block_on(finding)?;
+    Ok(NetworkReport {
+        server: link.server().to_string(),
+        answered_ms,
+        between: reach.between(),
+        reach,
+    })
+}
+
+impl NetworkReport {
     fn print(&self) {
         let Reach {
             own,
