@@ -3,8 +3,8 @@
 use crate::{Forwarding, Secret};
 use link_protocol::ice::IceUrl;
 use link_protocol::limits::{ANSWER_WITHIN, MAX_SDP_BYTES};
-use std::net::{IpAddr, SocketAddr};
 use serde::{Deserialize, Deserializer};
+use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;

@@ -107,7 +107,9 @@ impl Files {
                     log::info!("the certificate was renewed: new connections are shown it");
                 }
                 Err(error) if !std::mem::replace(&mut is_told, true) => {
-                    log::error!("the certificate has changed and cannot be used, the one before stays: {error}");
+                    log::error!(
+                        "the certificate has changed and cannot be used, the one before stays: {error}"
+                    );
                 }
                 Err(_) => {}
             }

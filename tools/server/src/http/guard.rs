@@ -23,7 +23,7 @@ const FORWARDED_FOR: &str = "x-forwarded-for";
 
 /// Where a request comes from: the connection's address, or what the proxy before this server says.
 #[derive(Clone, Copy)]
-struct Client(IpAddr);
+pub(super) struct Client(IpAddr);
 
 /// Finds out where a request comes from, counts it and writes it to the log, with nothing that is secret: the route's pattern and no room, no token.
 pub(super) async fn count(

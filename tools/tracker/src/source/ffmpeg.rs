@@ -16,8 +16,8 @@ use super::error::SourceError;
 use super::nut::Nut;
 use super::picture::{Picture, Source, SourceInfo, within_limits};
 use super::{LONGEST_SILENCE, LONGEST_START, READ_AHEAD};
-pub use program::find_ffmpeg;
 use program::Running;
+pub use program::find_ffmpeg;
 
 /// What ffmpeg is to read.
 #[derive(Debug)]

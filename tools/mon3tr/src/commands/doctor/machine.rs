@@ -66,7 +66,11 @@ pub(super) fn parts(device: &DeviceOptions) -> Vec<Part> {
                 .map(|_| "a sound server runs".to_owned())
                 .map_err(Into::into),
         ),
-        Part::of("disk", "keeps avatars", cache().and_then(|path| room(&path))),
+        Part::of(
+            "disk",
+            "keeps avatars",
+            cache().and_then(|path| room(&path)),
+        ),
     ]);
     parts
 }
@@ -87,7 +91,10 @@ fn inference(device: &DeviceOptions) -> Vec<Part> {
     };
     let found = format!("{} ({})", runtime.version(), runtime.library().display());
     let of_npu = |kind| matches!(kind, ProviderKind::Qnn | ProviderKind::Nnapi);
-    let npus = runtime.probe().into_iter().filter(|one| of_npu(one.provider));
+    let npus = runtime
+        .probe()
+        .into_iter()
+        .filter(|one| of_npu(one.provider));
     let (there, missing): (Vec<_>, Vec<_>) = npus.partition(|one| one.lacking.is_none());
     let npu = if there.is_empty() {
         let why = missing.iter().filter_map(|one| {
@@ -115,7 +122,9 @@ fn camera() -> anyhow::Result<String> {
         .filter(|name| name.starts_with("video"))
         .collect();
     if cameras.is_empty() {
-        bail!("none is connected: --motion FILE moves you instead, or --camera takes a video or a network camera");
+        bail!(
+            "none is connected: --motion FILE moves you instead, or --camera takes a video or a network camera"
+        );
     }
     cameras.sort();
     Ok(format!("/dev/{}", cameras.join(", /dev/")))
