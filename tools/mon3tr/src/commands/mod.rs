@@ -6,6 +6,7 @@ pub(crate) mod demo;
 pub(crate) mod doctor;
 pub(crate) mod inspect;
 pub(crate) mod keys;
+pub(crate) mod licences;
 pub(crate) mod profile;
 pub(crate) mod receive;
 pub(crate) mod render;
@@ -38,6 +39,8 @@ pub enum Command {
     Doctor(doctor::Options),
     /// Show your key, and say who may drive your avatars
     Keys(keys::Options),
+    /// Say what this program is made of, and under which licences
+    Licences,
     /// Send what a camera sees a person do, or a motion from a file, to everyone who joins
     Send(send::Options),
     /// Join a call and show who is there
@@ -64,6 +67,7 @@ impl Command {
             Self::Call(options) => call::run(options, device),
             Self::Doctor(options) => doctor::run(options, device),
             Self::Keys(options) => keys::run(options),
+            Self::Licences => licences::run(),
             Self::Send(options) => send::run(options, device),
             Self::Receive(options) => receive::run(options, device),
             Self::Profile(options) => profile::run(options, device),
