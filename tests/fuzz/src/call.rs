@@ -28,16 +28,21 @@ pub(crate) fn messages(bytes: &[u8]) {
     if let Some(message) = Message::read(bytes, session) {
         let mut again = Vec::new();
         message.write(session, &mut again);
-        assert_eq!(Message::read(&again, session), Some(message));
+        assert_eq!(
+            Message::read(&again, session),
+            Some(message),
+            "as it was written"
+        );
     }
     let _ = Message::session_of_feedback(bytes);
     if let Some((header, rest)) = Header::read(bytes) {
-        assert_eq!(header.bytes(), bytes[..bytes.len() - rest.len()]);
+        let head = &bytes[..bytes.len() - rest.len()];
+        assert_eq!(header.bytes(), head, "as it was written");
     }
     if let Some(lines) = sealed::read_seal(bytes, session) {
         let mut again = Vec::new();
         sealed::write_seal(session, lines, &mut again);
-        assert_eq!(again, bytes);
+        assert_eq!(again, bytes, "as it was written");
     }
 }
 
@@ -85,7 +90,8 @@ pub(crate) fn frames(bytes: &[u8]) {
     let mut decoder = Decoder::new(1);
     for part in parts(bytes) {
         if let Ok(frame) = decoder.decode(part) {
-            assert!(frame.motion.values().iter().all(|value| value.is_finite()));
+            let is_motion = frame.motion.values().iter().all(|value| value.is_finite());
+            assert!(is_motion, "{frame:?}");
         }
     }
 }
@@ -135,7 +141,7 @@ pub(crate) fn json(bytes: &[u8]) {
     if let Ok(Some(event)) = PresenceEvent::read(name, data) {
         let (name, data) = event.write();
         let again = PresenceEvent::read(name, &data).expect("as it was written");
-        assert_eq!(again, Some(event));
+        assert_eq!(again, Some(event), "as it was written");
     }
     let _ = Refusal::read(text);
 }
@@ -219,7 +225,7 @@ pub(crate) fn voice(bytes: &[u8]) {
         queue.push(voice, now);
         now = Micros(now.0 + FRAME_US);
         player.play(now, Duration::ZERO, &mut out);
-        assert!(out.iter().all(|sample| sample.is_finite()));
+        assert!(out.iter().all(|sample| sample.is_finite()), "at {now:?}");
     }
 }
 

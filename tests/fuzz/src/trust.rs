@@ -8,23 +8,28 @@ pub(crate) fn keys(bytes: &[u8]) {
         return;
     };
     if let Ok(key) = text.parse::<PublicKey>() {
-        assert_eq!(key.to_string().parse::<PublicKey>().ok(), Some(key));
+        let again = key.to_string().parse::<PublicKey>().ok();
+        assert_eq!(again, Some(key), "as it was written");
     }
     if let Ok(hash) = text.parse::<KeyHash>() {
-        assert_eq!(hash.to_string().parse::<KeyHash>().ok(), Some(hash));
+        let again = hash.to_string().parse::<KeyHash>().ok();
+        assert_eq!(again, Some(hash), "as it was written");
     }
     if let Ok(signature) = text.parse::<Signature>() {
         let again = signature.to_string().parse::<Signature>();
-        assert!(again.is_ok_and(|again| again == signature));
+        assert!(
+            again.is_ok_and(|again| again == signature),
+            "as it was written"
+        );
     }
     // Only who has a key of another one's makes these.
     if let Ok(permit) = text.parse::<Permit>()
         && permit.check(0).is_ok()
     {
-        assert_eq!(permit.owner(), owner().public());
+        assert_eq!(permit.owner(), owner().public(), "nobody else signed one");
     }
     if let Ok(key) = PublicKey::of_signed(text, Purpose::Sender, SIGNED) {
-        assert_eq!(key, owner().public());
+        assert_eq!(key, owner().public(), "nobody else signed it");
     }
 }
 
