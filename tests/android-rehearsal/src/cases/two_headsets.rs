@@ -90,7 +90,12 @@ pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<F
     for (name, other, wearer) in [("Bob", "Ada", &mut bob), ("Ada", "Bob", &mut ada)] {
         wearer.process.leave(wearer.activity)?;
         assert_well(&mut wearer.process)?;
-        let taken = number_before(&wearer.process.logcat(), " frames taken")?;
+        let log = wearer.process.logcat();
+        // Of the other wearer; of whoever was at the desk there are fewer.
+        let calls = log.lines().filter(|line| line.contains(" frames taken"));
+        let taken = calls.map(|line| number_before(line, " frames taken"));
+        let taken = taken.collect::<anyhow::Result<Vec<_>>>()?;
+        let taken = taken.into_iter().max().unwrap_or(0);
         ensure!(taken > 200, "{name} has taken {taken} frames of {other}");
         figure(&mut figures, &format!("frames_taken_by_{name}"), taken);
     }
