@@ -90,7 +90,7 @@ fn main() {
             "--display",
             "offscreen",
             "--view",
-            "waist-up",
+            "face",
             "--size",
             "640x480",
             "--out",
