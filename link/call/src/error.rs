@@ -38,7 +38,7 @@ pub enum CallError {
     Refused,
     /// The sender has as many viewers as it takes.
     #[error(
-        "the sender has as many viewers as it serves; more can watch where its server forwards (`serve --forward`)"
+        "the sender has as many viewers as it serves, and its server forwards to no more of them (`serve --forward` says to how many)"
     )]
     TooManyViewers,
     /// The server serves this viewer, in place of the sender.

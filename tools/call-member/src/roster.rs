@@ -7,7 +7,7 @@ use anyhow::Context;
 use app_session::call::CallWatch;
 use app_session::participant::NetworkContext;
 use identity::PublicKey;
-use link_call::Venue;
+use link_call::{Credentials, Venue};
 use link_http::HttpError;
 use link_protocol::calls::{CallStatus, Seat, Taken};
 use link_protocol::data_channel::PersonState;
@@ -347,6 +347,12 @@ impl Roster<'_> {
         } else {
             ""
         };
+        let own = self.network.own.as_ref().map(Credentials::key);
+        if own == Some(key) {
+            return format!(
+                "{name} has your own key ({shown}): it is you on another machine, or someone has a copy of it"
+            );
+        }
         let Some(said) = &person.taken.person else {
             return format!("{name} has the key {shown}{opened}");
         };

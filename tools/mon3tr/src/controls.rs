@@ -111,7 +111,10 @@ impl Controls {
         for member in self.members.all() {
             let state = member.watch.state();
             let described = described(state.muted, state.hidden, self.speaks(&member));
-            lines.push(format!("{}{described}", member.name));
+            let key = member.watch.key().flatten();
+            let key = key.map(|key| format!(" [{}]", key.fingerprint()));
+            let key = key.unwrap_or_default();
+            lines.push(format!("{}{key}{described}", member.name));
         }
         println!("in the call: {}", lines.join("; "));
     }

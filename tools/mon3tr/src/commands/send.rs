@@ -451,7 +451,8 @@ impl HostOptions {
         match std::fs::read_to_string(&file) {
             Ok(token) => Ok(token.trim().to_owned()),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => Err(anyhow!(
-                "no owner's token: start `mon3tr serve` on this machine first, or give --owner-token: what is in the file that `mon3tr serve` named"
+                "no owner's token: there is no {}: start `mon3tr serve` on this machine first, or give --owner-token: what is in the file that `mon3tr serve` named, elsewhere with --data",
+                file.display()
             )),
             Err(error) => Err(error).with_context(|| format!("cannot read {}", file.display())),
         }

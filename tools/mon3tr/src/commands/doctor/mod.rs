@@ -52,6 +52,8 @@ struct Report {
 #[derive(Serialize)]
 struct NetworkReport {
     server: String,
+    /// The link leads to this machine's loopback: nobody else can use it.
+    is_here_only: bool,
     /// From the question to the answer, milliseconds.
     answered_ms: f64,
     between: Between,
@@ -114,6 +116,7 @@ fn ask(line: &Line, link: &CallLink, stun: &[IceUrl]) -> anyhow::Result<NetworkR
     let reach = line.network.block_on(finding)?;
     Ok(NetworkReport {
         server: link.server().to_string(),
+        is_here_only: link.server().is_loopback(),
         answered_ms,
         between: reach.between(),
         reach,
@@ -145,6 +148,10 @@ impl NetworkReport {
             (Some(relay), true) => println!("relay     {relay} lends an address"),
             (Some(relay), false) => println!("relay     {relay} lends no address"),
             (None, _) => println!("relay     none: the server's operator can start it with --turn"),
+        }
+        if self.is_here_only {
+            println!("\nThe link works on this machine only: ask with the server's own address.");
+            return;
         }
         println!("between   {}", told(self.between));
         println!("\n{}", verdict(self.between, *is_lent));

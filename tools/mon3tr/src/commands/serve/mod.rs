@@ -51,7 +51,7 @@ pub struct Options {
     #[arg(long, value_name = "URL")]
     stun: Vec<IceUrl>,
     /// Forward to the viewers of a sender beyond the eighth, sealed, so that this server cannot read it; so many viewers at most, of all rooms together
-    #[arg(long, value_name = "VIEWERS", num_args = 0..=1, default_missing_value = "500")]
+    #[arg(long, value_name = "VIEWERS", num_args = 0..=1, default_missing_value = "500", value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..))]
     forward: Option<usize>,
     #[cfg(feature = "operator")]
     #[command(flatten)]
