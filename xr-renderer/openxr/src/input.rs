@@ -107,7 +107,8 @@ impl Button {
         let state = self.action.state(session, Path::NULL);
         let state = state.during("xrGetActionStateBoolean")?;
         let pressed = (state.is_active && state.current_state) || fingers;
-        Ok(pressed && !std::mem::replace(&mut self.was_pressed, pressed))
+        let was_pressed = std::mem::replace(&mut self.was_pressed, pressed);
+        Ok(pressed && !was_pressed)
     }
 }
 
