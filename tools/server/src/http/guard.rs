@@ -51,8 +51,8 @@ fn client(app: &App, connected: IpAddr, headers: &HeaderMap) -> IpAddr {
     if !app.limits.behind_proxy {
         return connected;
     }
-    let lines = headers.get_all(FORWARDED_FOR).iter();
-    let last = lines.last().and_then(|line| line.to_str().ok());
+    let mut lines = headers.get_all(FORWARDED_FOR).iter();
+    let last = lines.next_back().and_then(|line| line.to_str().ok());
     let last = last.and_then(|line| line.rsplit(',').next());
     last.and_then(|address| address.trim().parse().ok())
         .unwrap_or(connected)
