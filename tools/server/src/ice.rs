@@ -60,7 +60,9 @@ impl Ice {
         let server = TurnServer::start(settings)?;
         let port = server.address().port();
         let named = turn.external.or(Some(turn.listen.ip()));
-        let host = named.filter(|ip| !ip.is_unspecified()).or_else(own_address);
+        let host = named
+            .filter(|ip| !ip.is_unspecified())
+            .or_else(|| own_address(Ipv4Addr::UNSPECIFIED.into()));
         let host = host.map(|ip| ip.to_string());
         let own = Some(Own {
             host,
@@ -141,9 +143,11 @@ fn for_turn(tls: Arc<rustls::ServerConfig>) -> Arc<rustls::ServerConfig> {
     Arc::new(tls)
 }
 
-/// The address that packets to the world leave from. Nothing is sent: connecting a UDP socket only chooses it. 192.0.2.1 is reserved for documentation.
-fn own_address() -> Option<IpAddr> {
-    let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
+/// The address that packets to the world leave from, of those that `any` stands for. Nothing is sent: connecting a UDP socket only chooses it. 192.0.2.1 is
+/// reserved for documentation.
+#[must_use]
+pub fn own_address(any: IpAddr) -> Option<IpAddr> {
+    let socket = UdpSocket::bind((any, 0)).ok()?;
     socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9)).ok()?;
     Some(socket.local_addr().ok()?.ip())
 }

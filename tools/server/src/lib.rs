@@ -26,6 +26,7 @@ mod token;
 pub use config::{Config, Limits, StoreConfig, TurnConfig};
 pub use error::ServerError;
 pub use forwarding::{Forwarding, HandedOver, SendersRoom};
+pub use ice::own_address;
 pub use id::Id;
 pub use secret::Secret;
 pub use server::Server;

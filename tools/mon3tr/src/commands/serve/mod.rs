@@ -10,9 +10,9 @@ use crate::network::{Network, asked_to_end};
 use anyhow::Context;
 use forwarding::Forwarder;
 use link_protocol::ice::IceUrl;
-use server::{Config, Secret, Server, StoreConfig, TurnConfig};
+use server::{Config, Secret, Server, StoreConfig, TurnConfig, own_address};
 use std::io::Write;
-use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -178,13 +178,7 @@ fn reachable(ip: IpAddr) -> IpAddr {
     if !ip.is_unspecified() {
         return ip;
     }
-    // Nothing is sent: connecting a UDP socket only chooses the address. 192.0.2.1 is reserved for documentation.
-    UdpSocket::bind((ip, 0))
-        .and_then(|socket| {
-            socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9))?;
-            socket.local_addr()
-        })
-        .map_or(IpAddr::V4(Ipv4Addr::LOCALHOST), |address| address.ip())
+    own_address(ip).unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST))
 }
 
 /// Writes a file of `folder` that only this user may read, whatever was there before.
