@@ -87,21 +87,19 @@ def is_allowed(expression):
             at += 2
         return name in ALLOWED
 
-    def both():
+    def joined(word, part, fulfils):
         nonlocal at
-        fulfilled = term()
-        while tokens[at : at + 1] == ["AND"]:
+        parts = [part()]
+        while tokens[at : at + 1] == [word]:
             at += 1
-            fulfilled = term() and fulfilled
-        return fulfilled
+            parts.append(part())
+        return fulfils(parts)
+
+    def both():
+        return joined("AND", term, all)
 
     def either():
-        nonlocal at
-        fulfilled = both()
-        while tokens[at : at + 1] == ["OR"]:
-            at += 1
-            fulfilled = both() or fulfilled
-        return fulfilled
+        return joined("OR", both, any)
 
     return either() and at == len(tokens)
 
