@@ -11,6 +11,9 @@ use std::str::FromStr;
 const PORT: u16 = 3478;
 const TLS_PORT: u16 = 5349;
 
+/// Bytes of a name in DNS (RFC 1035, section 2.3.4, without the root's dot).
+const MAX_HOST: usize = 253;
+
 /// A server, as WebRTC's `RTCIceServer` has it in JSON. Its [`Debug`] hides the credential.
 #[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct IceServer {
@@ -130,7 +133,8 @@ impl FromStr for IceUrl {
             _ => (address, PORT),
         };
         let host = url::Host::parse(host).map_err(|_| wrong())?.to_string();
-        if text.len() > MAX_ICE_TEXT || port == 0 {
+        // The longest name that DNS has: whatever is accepted can also be written within MAX_ICE_TEXT.
+        if text.len() > MAX_ICE_TEXT || host.len() > MAX_HOST || port == 0 {
             return Err(wrong());
         }
         Ok(Self {
@@ -194,8 +198,14 @@ mod tests {
             let again: IceUrl = url.to_string().parse().expect("as it was written");
             assert_eq!(again, url, "{url}");
         }
+        let longest = format!("turns:{}", "a".repeat(MAX_HOST));
+        let url: IceUrl = longest.parse().expect("the longest name");
+        let again: IceUrl = url.to_string().parse().expect("written, it is longer");
+        assert_eq!(again, url);
+        let longer = format!("turns:{}", "a".repeat(MAX_ICE_TEXT - 10));
         let long = format!("stun:{}", "a".repeat(MAX_ICE_TEXT));
         for text in [
+            &longer,
             "",
             "stun",
             "stun:",
