@@ -21,6 +21,8 @@ pub enum Purpose {
     Permit,
     /// What a sender sends sealed, for a forwarder to hand on.
     Seal,
+    /// What a guest's secret is made of; such a signature is shown to nobody.
+    Guest,
 }
 
 impl Purpose {
@@ -33,6 +35,7 @@ impl Purpose {
             Self::Viewer => b"mon3tr viewer 1\n",
             Self::Permit => b"mon3tr permit 1\n",
             Self::Seal => b"mon3tr seal 1\n",
+            Self::Guest => b"mon3tr guest 1\n",
         };
         [name, text].concat()
     }

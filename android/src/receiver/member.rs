@@ -24,7 +24,7 @@ use call_member::{
     WearerCapture, play_voices,
 };
 use identity::Keyring;
-use link_call::{Credentials, Sender};
+use link_call::{Credentials, Door, Sender};
 use link_codec::Codec;
 use link_http::{Client, PackageCache};
 use link_playout::Clock;
@@ -85,6 +85,7 @@ pub(super) fn run(
             channel: ChannelMode::default(),
             rate_hz: WEARER_RATE,
             credentials: None,
+            door: Door::default(),
         },
         keyring,
         stop: AtomicBool::new(false),

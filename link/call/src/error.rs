@@ -3,8 +3,8 @@
 use crate::plan::Relay;
 use identity::IdentityError;
 use link_http::HttpError;
-use link_protocol::ProtocolError;
 use link_protocol::limits::MAX_PEOPLE;
+use link_protocol::{ProtocolError, Refusal};
 
 /// An error of signaling, transport or transfer.
 #[derive(Debug, thiserror::Error)]
@@ -32,10 +32,8 @@ pub enum CallError {
     #[error("the sender is not in the room now")]
     SenderAbsent,
     /// The sender does not take this viewer.
-    #[error(
-        "the sender takes only those who have its whole link: was something at its end left out?"
-    )]
-    Refused,
+    #[error("{}", refused(*.0))]
+    Refused(Refusal),
     /// The sender has as many viewers as it takes.
     #[error(
         "the sender has as many viewers as it serves, and its server forwards to no more of them (`serve --forward` says to how many)"
@@ -114,6 +112,28 @@ pub enum CallError {
     Task(#[from] tokio::task::JoinError),
 }
 
+/// Why a viewer is not taken, and what its user can do.
+fn refused(refusal: Refusal) -> &'static str {
+    match refusal {
+        Refusal::Link => {
+            "the sender takes only those who have its whole link: was something at its end left out?"
+        }
+        Refusal::Full | Refusal::Many => "the sender has as many viewers as it serves",
+        Refusal::Wait => "the performer is asked to let you in: wait",
+        Refusal::Locked => {
+            "the room is locked: nobody new comes in now; ask the performer to unlock it"
+        }
+        Refusal::Removed => "the performer has sent you away",
+        Refusal::Guests => {
+            "only the performer's guests come in, each by a link of their own: ask the performer for one"
+        }
+        Refusal::Expired => "your link has ended: ask the performer for another one",
+        Refusal::Nameless => {
+            "the performer is asked about each viewer, and you show no key by which you could be told from others: mend your key (`mon3tr keys`)"
+        }
+    }
+}
+
 fn named(fingerprint: Option<&str>) -> &str {
     fingerprint.unwrap_or("none")
 }
@@ -136,8 +156,8 @@ impl CallError {
     pub fn is_final(&self) -> bool {
         match self {
             Self::Http(error) => error.is_final(),
-            Self::Refused
-            | Self::NoLink
+            Self::Refused(refusal) => *refusal != Refusal::Wait,
+            Self::NoLink
             | Self::NoKey
             | Self::OldSeal { .. }
             | Self::WrongKey { .. }

@@ -4,9 +4,10 @@
 //! A sender says so for one room, one avatar and one viewer's offer; so what one viewer got is of no use towards another. Lines that a program does not
 //! know are passed over (RFC 8866, section 5.13).
 
-use crate::CallError;
+use crate::door::Visitor;
+use crate::{CallError, guests};
 use data_encoding::BASE64URL_NOPAD;
-use identity::{Identity, IdentityError, Keyring, Permit, PublicKey, Purpose};
+use identity::{Identity, IdentityError, Keyring, Permit, PublicKey, Purpose, Signature};
 use link_http::Client;
 use link_protocol::{LinkSecret, Name, PackageId, Refusal, RoomLink};
 use ring::hmac;
@@ -75,6 +76,11 @@ impl Credentials {
     #[must_use]
     pub fn key(&self) -> PublicKey {
         self.identity.public()
+    }
+
+    /// Signs `text`.
+    pub(crate) fn sign(&self, purpose: Purpose, text: &str) -> Signature {
+        self.identity.sign(purpose, text.as_bytes())
     }
 
     /// The lines of this key.
@@ -187,7 +193,8 @@ impl Authentication {
     pub(crate) fn introduce(&self, room: &RoomLink, offer: &str) -> Result<String, CallError> {
         let text = of_viewer(room.room(), offer)?;
         let own = self.own.as_ref();
-        Ok(introduce(own, room, Purpose::Viewer, &text, offer))
+        let introduced = introduce(own, room, Purpose::Viewer, &text, offer);
+        Ok(before_media(&introduced, &[&guests::line(room, &text)]))
     }
 
     /// Takes the side that answered, or does not.
@@ -199,8 +206,8 @@ impl Authentication {
         answer: &str,
     ) -> Result<Answered, CallError> {
         match Refusal::read(answer) {
-            Some(Refusal::Link) => return Err(CallError::Refused),
-            Some(Refusal::Full) => return Err(CallError::TooManyViewers),
+            Some(Refusal::Full | Refusal::Many) => return Err(CallError::TooManyViewers),
+            Some(refusal) => return Err(CallError::Refused(refusal)),
             None => {}
         }
         if only(answer, FORWARDER_LINE)?.is_some() {
@@ -245,25 +252,33 @@ impl Authentication {
     }
 }
 
-/// Takes the viewer of this session, who has the room's link; or answers that it is not taken. Who it is, where it says so.
+/// Takes the viewer of this session, who has the room's link; or answers that it is not taken. Who it is, as far as it says so.
 pub(crate) async fn admit_viewer(
     client: &Client,
+    own: Option<&Credentials>,
     room: &RoomLink,
     session: &Name,
     offer: &str,
-) -> Result<Option<PublicKey>, CallError> {
-    let checked = check_viewer(room, offer);
+) -> Result<Visitor, CallError> {
+    let checked = check_viewer(own, room, offer);
     if checked.is_err() {
         (client.answer(room, session, &Refusal::Link.answer())).await?;
     }
     checked
 }
 
-fn check_viewer(room: &RoomLink, offer: &str) -> Result<Option<PublicKey>, CallError> {
+fn check_viewer(
+    own: Option<&Credentials>,
+    room: &RoomLink,
+    offer: &str,
+) -> Result<Visitor, CallError> {
     let text = of_viewer(room.room(), offer)?;
     check_link(room, Purpose::Viewer, &text, offer)?;
     let viewer = Introduced::read(offer, Purpose::Viewer, &text)?;
-    Ok(viewer.map(|viewer| viewer.key))
+    Ok(Visitor {
+        key: viewer.map(|viewer| viewer.key),
+        guest: guests::read(own, room, &text, offer)?,
+    })
 }
 
 /// A side that has proved which key it has.
@@ -443,14 +458,14 @@ mod tests {
         }
         let offer = Authentication::default().introduce(&secret("r1", 1), OFFER);
         let offer = offer.expect("an offer");
-        assert!(check_viewer(&secret("r1", 1), &offer).is_ok());
+        assert!(check_viewer(None, &secret("r1", 1), &offer).is_ok());
         for (room, offer) in [
             (secret("r1", 1), OFFER.to_owned()),
             (secret("r1", 2), offer.clone()),
             (secret("r2", 1), offer.clone()),
             (secret("r1", 1), offer.replace("AA:01", "AA:02")),
         ] {
-            let refused = check_viewer(&room, &offer);
+            let refused = check_viewer(None, &room, &offer);
             assert!(matches!(refused, Err(CallError::NoLink)), "{refused:?}");
         }
         // What a viewer proved is no proof of a sender.
@@ -481,7 +496,7 @@ mod tests {
             );
         }
         for (refusal, expected) in [
-            (Refusal::Link, CallError::Refused),
+            (Refusal::Link, CallError::Refused(Refusal::Link)),
             (Refusal::Full, CallError::TooManyViewers),
         ] {
             let authentication = Authentication::default();
@@ -540,14 +555,17 @@ mod tests {
         let authentication = Authentication { own, signer: None };
         let signed = authentication.introduce(&room("r1"), OFFER);
         let signed = signed.expect("signed");
-        let known = check_viewer(&room("r1"), &signed).expect("a viewer");
-        assert_eq!(known, Some(identity(3).public()));
-        assert_eq!(check_viewer(&room("r1"), OFFER).expect("nobody"), None);
+        let known = check_viewer(None, &room("r1"), &signed).expect("a viewer");
+        assert_eq!(known.key, Some(identity(3).public()));
+        assert_eq!(
+            check_viewer(None, &room("r1"), OFFER).expect("nobody").key,
+            None
+        );
         assert!(
-            check_viewer(&room("r2"), &signed).is_err(),
+            check_viewer(None, &room("r2"), &signed).is_err(),
             "for another room"
         );
-        assert!(check_viewer(&room("r1"), &signed.replace("AA:01", "AA:02")).is_err());
+        assert!(check_viewer(None, &room("r1"), &signed.replace("AA:01", "AA:02")).is_err());
         let media = signed.find("m=").expect("media");
         assert!(signed.find(KEY_LINE).expect("a key") < media);
     }

@@ -41,8 +41,10 @@
 mod addresses;
 mod admission;
 mod candidates;
+pub mod door;
 mod error;
 pub mod forward;
+mod guests;
 mod introduction;
 mod losses;
 mod nudge;
@@ -61,6 +63,7 @@ mod tunnel;
 pub mod viewer;
 mod voice_track;
 
+pub use door::Door;
 pub use error::CallError;
 pub use introduction::{Authentication, Credentials};
 pub use path::Path;

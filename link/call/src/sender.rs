@@ -6,6 +6,7 @@
 mod serving;
 
 use crate::admission::{MOST_OPENING, Opening, Refusals};
+use crate::door::Door;
 use crate::introduction::Credentials;
 use crate::losses::WantedCopies;
 use crate::path::Path;
@@ -19,7 +20,7 @@ use link_http::{Client, HttpError};
 use link_playout::Clock;
 use link_protocol::announcement::ChannelMode;
 use link_protocol::calls::EnterRoom;
-use link_protocol::limits::MAX_PEOPLE;
+use link_protocol::limits::{MAX_PEOPLE, MAX_REVOKED};
 use link_protocol::presence::PresenceEvent;
 use link_protocol::{Announcement, CallLink, IceServers, Name, PackageId, RoomLink};
 use link_voice::Voice;
@@ -150,6 +151,7 @@ struct Shared {
     channel: ChannelMode,
     avatar: PackageId,
     credentials: Option<Credentials>,
+    door: Door,
     clock: Clock,
     frames: watch::Receiver<Arc<MotionFrame>>,
     voice: broadcast::Sender<Voice>,
@@ -168,7 +170,7 @@ struct Shared {
 
 impl Sender {
     /// Enters `room` and answers viewers from then on, in tasks of the current tokio runtime. If the server goes away, calls go on, and
-    /// the room is entered again when the server is back. With `credentials` every viewer is shown who answers it.
+    /// the room is entered again when the server is back. With `credentials` every viewer is shown who answers it. `door` says who comes in.
     ///
     /// # Errors
     /// If the server cannot be reached or refuses the link or the announcement.
@@ -177,9 +179,13 @@ impl Sender {
         room: RoomLink,
         announcement: Announcement,
         credentials: Option<Credentials>,
+        door: Door,
         clock: Clock,
     ) -> Result<Self, CallError> {
-        let entering = EnterRoom::from(announcement);
+        let entering = EnterRoom {
+            revoked: door.revoked(MAX_REVOKED),
+            ..announcement.into()
+        };
         let (venue, presence) = Venue::of_room(&client, room, &entering).await?;
         Ok(Self::start(
             client,
@@ -187,6 +193,7 @@ impl Sender {
             presence,
             entering,
             credentials,
+            door,
             clock,
         ))
     }
@@ -200,6 +207,7 @@ impl Sender {
         call: CallLink,
         entering: EnterRoom,
         credentials: Option<Credentials>,
+        door: Door,
         clock: Clock,
     ) -> Result<Self, CallError> {
         let (venue, presence) = Venue::of_call(&client, call, &entering).await?;
@@ -209,6 +217,7 @@ impl Sender {
             presence,
             entering,
             credentials,
+            door,
             clock,
         ))
     }
@@ -219,6 +228,7 @@ impl Sender {
         presence: Presence,
         entering: EnterRoom,
         credentials: Option<Credentials>,
+        door: Door,
         clock: Clock,
     ) -> Self {
         let announcement = entering.announcement;
@@ -238,6 +248,7 @@ impl Sender {
             channel: announcement.channel,
             avatar: announcement.avatar.sha256,
             credentials,
+            door,
             clock,
             frames: newest,
             voice: voice.clone(),
@@ -357,14 +368,14 @@ fn enter_again(
 }
 
 /// Keeps up the presence and starts a task for every viewer's offer.
-async fn answer_viewers(mut shared: Shared, entering: EnterRoom, presence: Presence) {
+async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: Presence) {
     let mut stop = shared.stop.clone();
     let mut presence = Some(presence);
     let mut viewers = JoinSet::new();
     let mut leaving: HashMap<Name, watch::Sender<bool>> = HashMap::new();
     let mut backoff = Backoff::default();
     let mut here = addresses::Watch::begin();
-    let doubt = Arc::clone(&shared.doubt);
+    let (doubt, door) = (Arc::clone(&shared.doubt), shared.door.clone());
     let mut doubted: Option<Instant> = None;
     loop {
         let event = tokio::select! {
@@ -383,6 +394,16 @@ async fn answer_viewers(mut shared: Shared, entering: EnterRoom, presence: Prese
                 if doubted.is_none_or(|last| last.elapsed() > DOUBT_AGAIN) {
                     enter_again("a viewer is silent", &mut shared.client, &mut presence, &mut backoff);
                     doubted = Some(Instant::now());
+                }
+                continue;
+            }
+            () = door.changed() => {
+                let ended = end_sessions(shared.clone(), door.take_sessions_to_end());
+                tokio::spawn(ended);
+                let revoked = door.revoked(MAX_REVOKED);
+                if revoked != entering.revoked {
+                    entering.revoked = revoked;
+                    enter_again("a guest's link is revoked", &mut shared.client, &mut presence, &mut backoff);
                 }
                 continue;
             }
@@ -419,6 +440,7 @@ async fn answer_viewers(mut shared: Shared, entering: EnterRoom, presence: Prese
             PresenceEvent::IceServers(servers) => shared.ice_servers = servers,
             PresenceEvent::Forwards => shared.places.forwards.store(true, Relaxed),
             PresenceEvent::Leave { session } => {
+                shared.door.left(&session);
                 if let Some(leave) = leaving.remove(&session) {
                     leave.send_replace(true);
                 }
@@ -435,6 +457,16 @@ async fn answer_viewers(mut shared: Shared, entering: EnterRoom, presence: Prese
     }
     drop(presence);
     while viewers.join_next().await.is_some() {}
+}
+
+/// Has the server end what it serves to viewers that were sent away.
+async fn end_sessions(shared: Shared, sessions: Vec<Name>) {
+    let room = shared.venue.room();
+    for session in sessions {
+        if let Err(error) = shared.client.leave(&room, &session).await {
+            log::warn!("the server may still forward to a viewer that was sent away: {error}");
+        }
+    }
 }
 
 /// The presence's next event, after as many new presences as it takes.

@@ -44,6 +44,9 @@ const RECONNECT_TIMEOUT: Duration = Duration::from_millis(2_500);
 const ANNOUNCEMENT_TIMEOUT: Duration = Duration::from_secs(3);
 const LEAVE_TIMEOUT: Duration = Duration::from_secs(1);
 
+/// Between two offers while the performer is asked to let this side in.
+const KNOCK: Duration = Duration::from_secs(2);
+
 /// Between two lines on why a call does not begin.
 const TOLD_APART: Duration = Duration::from_secs(10);
 
@@ -307,8 +310,11 @@ impl Call {
                 }
                 Turn::Joined(Err(error)) => {
                     // Trying again may help, and so may who reads this.
-                    let matters =
-                        matches!(error, CallError::NoWay { .. } | CallError::TooManyViewers);
+                    let matters = matches!(
+                        error,
+                        CallError::NoWay { .. } | CallError::TooManyViewers | CallError::Refused(_)
+                    );
+                    let waits = matches!(error, CallError::Refused(_));
                     let told = self.told.is_some_and(|at| at.elapsed() < TOLD_APART);
                     if matters && current.is_none() && !told {
                         self.told = Some(Instant::now());
@@ -316,7 +322,8 @@ impl Call {
                     } else {
                         log::debug!("not joined yet: {error}");
                     }
-                    joining = Some(self.start_joining(backoff.next()));
+                    let pause = if waits { KNOCK } else { backoff.next() };
+                    joining = Some(self.start_joining(pause));
                 }
                 Turn::Tick => {
                     let Some(session) = &mut current else {

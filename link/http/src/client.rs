@@ -404,6 +404,7 @@ fn advice(what: &'static str) -> &'static str {
 
 /// The requests, as error messages name them: `SERVER did not answer within 10 s to {what}`.
 pub(crate) const OPEN_ROOM: &str = "open a room";
+pub(crate) const ADD_VIEWER: &str = "make a token for one viewer";
 pub(crate) const OPEN_CALL: &str = "open a call";
 pub(crate) const CALL: &str = "tell who is in the call";
 pub(crate) const ROOM: &str = "tell about the room";

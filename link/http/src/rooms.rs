@@ -12,12 +12,12 @@ use reqwest::{
 
 use crate::{
     Client, HttpError,
-    client::{ANSWER, LEAVE, OFFER, OPEN_ROOM, ROOM, invalid_response},
+    client::{ADD_VIEWER, ANSWER, LEAVE, OFFER, OPEN_ROOM, ROOM, invalid_response},
 };
 use link_protocol::{
     Announcement, Name, RoomLink, Token,
     room_link::ServerUrl,
-    rooms::{OpenRoom, OpenedRoom, RoomStatus, SDP_MEDIA_TYPE},
+    rooms::{OpenRoom, OpenedRoom, RoomStatus, SDP_MEDIA_TYPE, ViewerToken},
 };
 
 /// A room that was opened.
@@ -81,6 +81,28 @@ impl Client {
             viewer: link(&opened.viewer_token)?,
             expires,
         })
+    }
+
+    /// One more viewer's token of the sender's room, which the sender can revoke by its name. Without a `lifetime` it holds as long as the room's.
+    ///
+    /// # Errors
+    /// [`HttpError::NotFound`] if the link is a viewer's, and those of any request.
+    pub async fn add_viewer(
+        &self,
+        sender: &RoomLink,
+        lifetime: Option<Duration>,
+    ) -> Result<ViewerToken, HttpError> {
+        let server = sender.server();
+        let order = OpenRoom {
+            lifetime_s: lifetime.map(|lifetime| lifetime.as_secs()),
+        };
+        let segments = ["rooms", sender.room().as_str(), "viewers"];
+        let request = (self.request(Method::POST, server, sender.token(), &segments)?).json(&order);
+        let reply = self.exchange(server, ADD_VIEWER, request).await?;
+        if reply.status != StatusCode::CREATED {
+            return Err(reply.refusal(server, sender.token(), ADD_VIEWER));
+        }
+        reply.json(server, sender.token(), ADD_VIEWER)
     }
 
     /// What the room's sender announces; nothing while it is absent.

@@ -66,6 +66,9 @@ pub struct EnterRoom {
     /// Made up by the program that takes a seat, and told to the server alone. A seat is taken again only by the program that says the same; others are refused while it is taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub occupant: Option<Name>,
+    /// Viewers' tokens that hold no longer, by their names ([`ViewerToken`](crate::rooms::ViewerToken)): the newest [`MAX_REVOKED`](crate::limits::MAX_REVOKED).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub revoked: Vec<Name>,
 }
 
 impl From<Announcement> for EnterRoom {
@@ -74,6 +77,7 @@ impl From<Announcement> for EnterRoom {
             announcement,
             person: None,
             occupant: None,
+            revoked: Vec::new(),
         }
     }
 }

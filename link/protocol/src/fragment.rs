@@ -1,5 +1,6 @@
 //! What follows a link's `#`, which programs tell no server but for the token.
 
+use crate::guest::GuestPass;
 use crate::{ProtocolError, Token};
 use data_encoding::BASE64URL_NOPAD;
 use identity::{IdentityError, KeyHash};
@@ -9,12 +10,13 @@ use std::str::FromStr;
 /// Bytes of a [`LinkSecret`].
 const SECRET_BYTES: usize = 16;
 
-/// `TOKEN[:key=KEY][:secret=SECRET]`. No token has a colon, and a shell leaves it alone.
+/// `TOKEN[:key=KEY][:secret=SECRET][:guest=GUEST]`. No token has a colon, and a shell leaves it alone.
 #[derive(Clone, PartialEq, Eq)]
 pub(crate) struct Fragment {
     pub(crate) token: Token,
     pub(crate) key: Option<KeyHash>,
     pub(crate) secret: Option<LinkSecret>,
+    pub(crate) guest: Option<GuestPass>,
 }
 
 impl Fragment {
@@ -23,6 +25,7 @@ impl Fragment {
             token,
             key: None,
             secret: None,
+            guest: None,
         }
     }
 
@@ -34,6 +37,9 @@ impl Fragment {
         }
         if let Some(secret) = &self.secret {
             text += &format!(":secret={}", BASE64URL_NOPAD.encode(secret.bytes()));
+        }
+        if let Some(guest) = &self.guest {
+            text += &format!(":guest={}", guest.text());
         }
         text
     }
@@ -62,6 +68,7 @@ impl FromStr for Fragment {
                     let secret = LinkSecret::read(secret).ok_or("a secret that is too short")?;
                     fragment.secret.replace(secret).is_some()
                 }
+                Some(("guest", guest)) => fragment.guest.replace(guest.parse()?).is_some(),
                 _ => false,
             };
             if is_second {

@@ -48,3 +48,6 @@ pub const ANSWER_WITHIN: Duration = Duration::from_secs(5);
 
 /// The longest time between two lines of a presence stream: a server writes a comment where there is no event.
 pub const PRESENCE_COMMENT_EVERY: Duration = Duration::from_secs(5);
+
+/// Tokens of viewers that a sender revokes in one room.
+pub const MAX_REVOKED: usize = 64;

@@ -7,30 +7,66 @@ pub enum Refusal {
     Link,
     /// The sender has as many viewers as it serves itself; a server that forwards hands this one over.
     Full,
+    /// The sender has as many viewers as it serves itself, and may not have this one handed over.
+    Many,
+    /// The performer is asked; the viewer is to offer again in a while.
+    Wait,
+    /// The room is locked: nobody new comes in.
+    Locked,
+    /// The performer has sent this viewer away.
+    Removed,
+    /// Only guests come in, each by a link of their own, and this one has none that holds.
+    Guests,
+    /// The guest's link has ended.
+    Expired,
+    /// The performer is asked about each viewer, and this one shows no key by which it could be told from others.
+    Nameless,
+}
+
+impl Refusal {
+    const ALL: [Self; 9] = [
+        Self::Link,
+        Self::Full,
+        Self::Many,
+        Self::Wait,
+        Self::Locked,
+        Self::Removed,
+        Self::Guests,
+        Self::Expired,
+        Self::Nameless,
+    ];
+
+    fn word(self) -> &'static str {
+        match self {
+            Self::Link => "link",
+            Self::Full => "full",
+            Self::Many => "many",
+            Self::Wait => "wait",
+            Self::Locked => "locked",
+            Self::Removed => "removed",
+            Self::Guests => "guests",
+            Self::Expired => "expired",
+            Self::Nameless => "nameless",
+        }
+    }
 }
 
 const LINE: &str = "a=mon3tr-refused:";
-const FULL: &str = "full";
 
 impl Refusal {
     /// The answer that says so.
     #[must_use]
     pub fn answer(self) -> String {
-        let why = match self {
-            Self::Link => "link",
-            Self::Full => FULL,
-        };
-        format!("v=0\r\n{LINE}{why}\r\n")
+        format!("v=0\r\n{LINE}{}\r\n", self.word())
     }
 
     /// Whether this answer is one. A reason of a later version counts as [`Self::Link`], which trying again does not change.
     #[must_use]
     pub fn read(answer: &str) -> Option<Self> {
         let why = answer.lines().find_map(|line| line.strip_prefix(LINE))?;
-        Some(match why.trim_end() {
-            FULL => Self::Full,
-            _ => Self::Link,
-        })
+        let why = why.trim_end();
+        let known = Self::ALL.into_iter().find(|refusal| refusal.word() == why);
+        Some(known.unwrap_or(Self::Link))
     }
 }
 
@@ -40,7 +76,7 @@ mod tests {
 
     #[test]
     fn a_refusal_is_read_as_it_is_written() {
-        for refusal in [Refusal::Link, Refusal::Full] {
+        for refusal in Refusal::ALL {
             assert_eq!(Refusal::read(&refusal.answer()), Some(refusal));
         }
         assert_eq!(

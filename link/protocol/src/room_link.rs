@@ -12,6 +12,7 @@ use url::Url;
 use identity::KeyHash;
 
 use crate::fragment::{Fragment, LinkSecret};
+use crate::guest::GuestPass;
 use crate::limits::MAX_LINK;
 use crate::{Name, ProtocolError, Token};
 
@@ -35,6 +36,12 @@ impl ServerUrl {
             Some(url::Host::Ipv6(ip)) => ip.is_loopback(),
             None => false,
         }
+    }
+
+    /// Whether it is reached by plain HTTP, from another machine.
+    #[must_use]
+    pub fn is_plain(&self) -> bool {
+        self.base.starts_with("http://") && !self.is_loopback()
     }
 
     /// Whether what is said to it can be read and changed on its way across the internet: plain HTTP to a host that is neither this machine nor in a private
@@ -123,8 +130,8 @@ impl fmt::Debug for ServerUrl {
     }
 }
 
-/// `http(s)://HOST[:PORT][/PREFIX]/rooms/ROOM#TOKEN[:key=KEY][:secret=SECRET]`: a room, the right to be in it, by which key its sender is known, and what
-/// proves to sender and viewers that the other side has the link.
+/// `http(s)://HOST[:PORT][/PREFIX]/rooms/ROOM#TOKEN[:key=KEY][:secret=SECRET][:guest=GUEST]`: a room, the right to be in it, by which key its sender is known, and what
+/// proves to sender and viewers that the other side has the link; and for a guest, who they are.
 ///
 /// [`Display`](fmt::Display) gives the whole link, token and all; [`Debug`](fmt::Debug) hides the token.
 #[derive(Clone, PartialEq, Eq)]
@@ -177,6 +184,20 @@ impl RoomLink {
     pub fn with_secret(mut self, secret: LinkSecret) -> Self {
         self.fragment.secret = Some(secret);
         self
+    }
+
+    /// The same room by a guest's own link: another token, and who the guest is.
+    #[must_use]
+    pub fn for_guest(mut self, token: Token, pass: GuestPass) -> Self {
+        self.fragment.token = token;
+        self.fragment.guest = Some(pass);
+        self
+    }
+
+    /// Who the bearer is, where it is a guest's own link.
+    #[must_use]
+    pub fn guest(&self) -> Option<&GuestPass> {
+        self.fragment.guest.as_ref()
     }
 
     /// The secret of those who have the link, if it has one.

@@ -37,6 +37,26 @@ impl fmt::Debug for OpenedRoom {
     }
 }
 
+/// The answer to the request for one more viewer's token, whose body is that of a room's ([`OpenRoom`]). Its [`Debug`] hides the token.
+#[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ViewerToken {
+    /// What the token is called, to revoke it by.
+    pub name: Name,
+    /// The token.
+    pub viewer_token: String,
+    /// When it expires, Unix seconds; not after the room's own.
+    pub expires: u64,
+}
+
+impl fmt::Debug for ViewerToken {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ViewerToken")
+            .field("name", &self.name)
+            .field("expires", &self.expires)
+            .finish_non_exhaustive()
+    }
+}
+
 /// What a room's bearers are told of it: the sender's announcement, and the STUN and TURN servers to use now.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RoomStatus {

@@ -65,6 +65,14 @@ pub(crate) fn people_met() -> anyhow::Result<PathBuf> {
     Ok(file()?.with_extension("met"))
 }
 
+/// The folder of what this user has decided about rooms.
+///
+/// # Errors
+/// If there is no place for it.
+pub(crate) fn rooms() -> anyhow::Result<PathBuf> {
+    Ok(file()?.with_extension("rooms"))
+}
+
 fn file() -> anyhow::Result<PathBuf> {
     let given = |name| std::env::var_os(name).filter(|path| !path.is_empty());
     if let Some(file) = given(VARIABLE) {

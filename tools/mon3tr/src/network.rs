@@ -69,15 +69,6 @@ pub(crate) async fn asked_to_end() -> std::io::Result<()> {
     tokio::signal::ctrl_c().await
 }
 
-/// Tells where anyone on the way can read and change what is said to the server.
-pub(crate) fn warn_if_unprotected(server: &ServerUrl) {
-    if server.is_unprotected() {
-        log::warn!(
-            "{server} is reached over the internet without encryption: anyone on the way can read its links and tokens. Motion and voice stay encrypted. A server with a certificate (https) prevents it"
-        );
-    }
-}
-
 /// What a command needs to talk to others.
 #[derive(Debug)]
 pub(crate) struct Line {
@@ -86,6 +77,8 @@ pub(crate) struct Line {
     pub(crate) clock: Clock,
     /// It is time to leave.
     pub(crate) stop: Arc<AtomicBool>,
+    /// Plain HTTP will do, across the internet too.
+    insecure: bool,
 }
 
 impl Line {
@@ -97,7 +90,29 @@ impl Line {
             clock: Clock::start(),
             stop: network.stop_on_signal(),
             network,
+            insecure: trust.insecure,
         })
+    }
+
+    /// That whoever is on the way to `server` cannot read what is said to it, unless it is wanted so.
+    ///
+    /// # Errors
+    /// If they can, and it is not.
+    pub(crate) fn check_protection(&self, server: &ServerUrl) -> anyhow::Result<()> {
+        if server.is_unprotected() {
+            anyhow::ensure!(
+                self.insecure,
+                "{server} is reached over the internet without TLS: whoever is on the way could read and use its links and tokens. Ask its operator for https, or give --insecure all the same: motion and voice stay encrypted"
+            );
+            log::warn!(
+                "{server} is reached over the internet without TLS (--insecure): whoever is on the way can read and use its links and tokens"
+            );
+        } else if server.is_plain() {
+            log::warn!(
+                "{server} is reached without TLS: whoever is in this network can read and use its links and tokens. Motion and voice stay encrypted"
+            );
+        }
+        Ok(())
     }
 }
 
@@ -107,6 +122,9 @@ pub(crate) struct Trust {
     /// A certificate (PEM) to trust beside the system's: for a server with one of its own making
     #[arg(long, value_name = "FILE")]
     ca: Option<PathBuf>,
+    /// Reach the server over the internet by plain HTTP, too: whoever is on the way can read and use its links and tokens
+    #[arg(long)]
+    insecure: bool,
 }
 
 impl Trust {

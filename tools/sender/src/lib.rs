@@ -5,6 +5,7 @@
 mod capture;
 mod clip;
 mod error;
+mod invitation;
 mod lips;
 mod mute;
 mod room;
@@ -15,6 +16,7 @@ mod voice;
 pub use capture::{Capture, Captured};
 pub use clip::ClipCapture;
 pub use error::SendError;
+pub use invitation::{Invitation, invite};
 pub use lips::{Lips, Overheard};
 pub use room::{Desk, Entered, Place, enter, new_secret};
 pub use send::send;

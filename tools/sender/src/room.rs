@@ -1,7 +1,7 @@
 //! Enters a room or a seat of a call: uploads the avatar if the store lacks it, and opens a room if none was given.
 
 use crate::SendError;
-use link_call::{CallError, Credentials, Sender};
+use link_call::{CallError, Credentials, Door, Sender};
 use link_codec::Codec;
 use link_http::Client;
 use link_playout::Clock;
@@ -10,6 +10,7 @@ use link_protocol::calls::EnterRoom;
 use link_protocol::room_link::ServerUrl;
 use link_protocol::{Announcement, CallLink, LinkSecret, Name, PersonName, RoomLink};
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// What a sender needs to enter.
 #[derive(Debug, Clone)]
@@ -26,6 +27,8 @@ pub struct Desk {
     pub rate_hz: f64,
     /// One's own key, which every viewer is shown; the viewers' link has it, too.
     pub credentials: Option<Credentials>,
+    /// Who comes in.
+    pub door: Door,
 }
 
 /// A seat of a call, an open room, or a server to open one on.
@@ -51,6 +54,8 @@ pub enum Place {
         server: ServerUrl,
         /// The owner's token, to open rooms and upload packages.
         owner_token: String,
+        /// How long the room's links hold; the server's choice where nothing is said.
+        lifetime: Option<Duration>,
     },
 }
 
@@ -120,12 +125,12 @@ pub async fn enter(
         rate_hz: desk.rate_hz,
     };
     let enter = async |room: &RoomLink| {
-        let credentials = desk.credentials.clone();
         Sender::enter(
             client.clone(),
             room.clone(),
             announcement,
-            credentials,
+            desk.credentials.clone(),
+            desk.door.clone(),
             clock,
         )
         .await
@@ -133,13 +138,14 @@ pub async fn enter(
     match &desk.place {
         Place::Call { link, name } => {
             let entering = EnterRoom {
-                announcement,
                 person: name.clone(),
                 occupant: Some(occupant()?),
+                ..announcement.into()
             };
             let (client, link) = (client.clone(), link.clone());
             let credentials = desk.credentials.clone();
-            let host = Sender::enter_call(client, link, entering, credentials, clock).await?;
+            let door = desk.door.clone();
+            let host = Sender::enter_call(client, link, entering, credentials, door, clock).await?;
             Ok(Entered {
                 host,
                 viewers: None,
@@ -156,8 +162,9 @@ pub async fn enter(
         Place::Server {
             server,
             owner_token,
+            lifetime,
         } => {
-            let room = client.open_room(server, owner_token, None).await;
+            let room = client.open_room(server, owner_token, *lifetime).await;
             let room = room.map_err(CallError::from)?;
             let secret = new_secret()?;
             let viewers = room.viewer.with_secret(secret.clone());

@@ -31,6 +31,8 @@ pub struct Config {
     /// Certificate chain and private key, PEM files; without them the server speaks plain HTTP.
     #[cfg(feature = "tls")]
     pub tls: Option<(PathBuf, PathBuf)>,
+    /// A file with the names of tokens that hold no longer ([`crate::revoke`]); it need not be there.
+    pub revoked: Option<PathBuf>,
     /// Bounds.
     pub limits: Limits,
 }
@@ -50,6 +52,7 @@ impl Config {
             forwarding: None,
             #[cfg(feature = "tls")]
             tls: None,
+            revoked: None,
             limits: Limits::default(),
         }
     }

@@ -27,6 +27,18 @@ pub enum ServerError {
         /// The file.
         path: PathBuf,
     },
+    /// The list of revoked tokens cannot be used.
+    #[error(
+        "cannot use {}, which lists the tokens that are revoked, a name in each line: mend it, for without it nobody knows which tokens hold",
+        path.display()
+    )]
+    RevokedFile {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        source: std::io::Error,
+    },
     /// The system gives no random numbers.
     #[error("the system gives no random numbers: {reason}")]
     Random {

@@ -19,7 +19,11 @@ use tokio_util::sync::CancellationToken;
 #[serde(tag = "ask", rename_all = "lowercase")]
 pub(crate) enum RoomRequest {
     /// For the sender's announcement.
-    Announcement,
+    Announcement {
+        /// The name of the token of the viewer who asks, if one does.
+        #[serde(default)]
+        viewer: Option<Id>,
+    },
     /// A viewer's offer; the reply is the sender's answer.
     Offer {
         session: Id,
@@ -27,6 +31,9 @@ pub(crate) enum RoomRequest {
         /// It is of an instance's own forwarder.
         #[serde(default)]
         forwards: bool,
+        /// The name of the viewer's token.
+        #[serde(default)]
+        viewer: Option<Id>,
     },
     /// The sender's answer to a viewer's offer.
     Answer { session: Id, sdp: String },
@@ -54,6 +61,8 @@ pub(crate) enum RoomReply {
     Done,
     /// No viewer waits for this answer.
     Unknown,
+    /// The sender has revoked the viewer's token.
+    Revoked,
     /// The sender did not answer in time.
     Unanswered,
     /// Too many viewers wait already.
@@ -108,7 +117,12 @@ impl Presence {
     /// Answers for the sender, or asks it.
     pub(crate) async fn ask(&self, request: RoomRequest) -> RoomReply {
         match request {
-            RoomRequest::Announcement => RoomReply::Announcement {
+            RoomRequest::Announcement { viewer } | RoomRequest::Offer { viewer, .. }
+                if self.has_revoked(viewer) =>
+            {
+                RoomReply::Revoked
+            }
+            RoomRequest::Announcement { .. } => RoomReply::Announcement {
                 announcement: self.sender.announcement,
                 person: self.sender.person.clone(),
                 occupant: self.sender.occupant.clone(),
@@ -117,6 +131,7 @@ impl Presence {
                 session,
                 sdp,
                 forwards,
+                viewer: _,
             } => self.offer(session, sdp, forwards).await,
             RoomRequest::Answer { session, sdp } => {
                 let waiting = lock(&self.waiting).remove(&session);
@@ -130,6 +145,11 @@ impl Presence {
                 session: session.into(),
             }),
         }
+    }
+
+    fn has_revoked(&self, viewer: Option<Id>) -> bool {
+        let is = |viewer: Id| self.sender.revoked.contains(&viewer.into());
+        viewer.is_some_and(is)
     }
 
     async fn offer(&self, session: Id, sdp: String, forwards: bool) -> RoomReply {

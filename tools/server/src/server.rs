@@ -7,6 +7,7 @@ use crate::metrics::Metrics;
 use crate::packages::Packages;
 #[cfg(feature = "nats")]
 use crate::relay::Relay;
+use crate::revoked::{self, Revoked};
 use crate::rooms::{RoomLimits, Rooms};
 use crate::{Config, ServerError};
 use axum_server::Handle;
@@ -88,6 +89,7 @@ impl Server {
         )?;
         let app = Arc::new(App {
             secret: config.secret,
+            revoked: Revoked::open(config.revoked)?,
             rooms: Arc::new(Rooms::new(room_limits, Arc::clone(&metrics))),
             relay,
             ice,
@@ -110,6 +112,7 @@ impl Server {
         let handle = Handle::new();
         let head_within = app.limits.head_within;
         tokio::spawn(housekeep(Arc::downgrade(&app), stopping.clone()));
+        tokio::spawn(look_at_revoked(Arc::downgrade(&app), stopping.clone()));
         let service = router(app).into_make_service_with_connect_info::<SocketAddr>();
         let server = axum_server::from_tcp(listener)
             .map_err(failed)?
@@ -191,6 +194,21 @@ fn ended(result: Result<std::io::Result<()>, JoinError>) -> Result<(), ServerErr
     result
         .unwrap_or_else(|e| Err(std::io::Error::other(e)))
         .map_err(|source| ServerError::Stopped { source })
+}
+
+/// Looks which tokens are revoked, until the server stops.
+async fn look_at_revoked(app: std::sync::Weak<App>, stopping: CancellationToken) {
+    loop {
+        tokio::select! {
+            () = stopping.cancelled() => break,
+            () = tokio::time::sleep(revoked::LOOK) => {}
+        }
+        let Some(app) = app.upgrade() else { break };
+        let looked = tokio::task::spawn_blocking(move || app.revoked.look());
+        if looked.await.is_err() {
+            log::error!("looking which tokens are revoked failed");
+        }
+    }
 }
 
 /// The server's regular work, until it stops.

@@ -1,9 +1,10 @@
 //! Tokens: what their bearer may do, with a MAC by the server's secret.
 //!
 //! A token is a capability: nothing about a room or an owner is kept anywhere, so any instance that has the secret
-//! checks any token, and a restart forgets nothing. It cannot be taken back before it expires, but by a new secret.
+//! checks any token, and a restart forgets nothing. Each has a name, by which it can be taken back before it expires: an operator's list has those of any
+//! kind ([`crate::revoked`]), a sender tells those of its viewers.
 
-use crate::{Id, Secret};
+use crate::{Id, Secret, ServerError};
 use base64::Engine;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use hmac::{Hmac, Mac};
@@ -11,8 +12,8 @@ use link_protocol::limits::MAX_PEOPLE;
 use sha2::Sha256;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-const VERSION: u8 = 1;
-const CLAIMS_BYTES: usize = 42;
+const VERSION: u8 = 2;
+const CLAIMS_BYTES: usize = 58;
 const MAC_BYTES: usize = 32;
 
 /// A bearer's role.
@@ -38,26 +39,30 @@ pub(crate) struct Claims {
     room: Id,
     /// Unix seconds.
     pub(crate) expires: u64,
+    /// What the token is called, to revoke it by: random.
+    pub(crate) name: Id,
 }
 
 impl Claims {
-    pub(crate) fn owner(owner: Id, expires: u64) -> Self {
-        Self {
-            role: Role::Owner,
-            owner,
-            room: Id::from_bytes([0; 16]),
-            expires,
-        }
+    /// An owner's, in a token of a new name.
+    pub(crate) fn owner(owner: Id, expires: u64) -> Result<Self, ServerError> {
+        Self::in_room(Role::Owner, owner, Id::from_bytes([0; 16]), expires)
     }
 
-    /// `role` is a sender's or a viewer's, or a member's, whose `room` is the call.
-    pub(crate) fn in_room(role: Role, owner: Id, room: Id, expires: u64) -> Self {
-        Self {
+    /// The same in a room: `role` is a sender's or a viewer's, or a member's, whose `room` is the call.
+    pub(crate) fn in_room(
+        role: Role,
+        owner: Id,
+        room: Id,
+        expires: u64,
+    ) -> Result<Self, ServerError> {
+        Ok(Self {
             role,
             owner,
             room,
             expires,
-        }
+            name: Id::random()?,
+        })
     }
 
     /// The room, or a member's call.
@@ -82,6 +87,7 @@ impl Claims {
         bytes[2..10].copy_from_slice(&self.expires.to_le_bytes());
         bytes[10..26].copy_from_slice(self.owner.as_bytes());
         bytes[26..42].copy_from_slice(self.room.as_bytes());
+        bytes[42..58].copy_from_slice(self.name.as_bytes());
         bytes
     }
 
@@ -92,9 +98,14 @@ impl Claims {
         URL_SAFE_NO_PAD.encode(token)
     }
 
-    /// The content of `token`, if this secret signed it and `now` (Unix seconds) is before its end. The MAC is compared in
-    /// a time that does not depend on where it differs, and before anything else is looked at.
+    /// The content of `token`, if this secret signed it and `now` (Unix seconds) is before its end.
     pub(crate) fn verify(token: &str, secret: &Secret, now: u64) -> Option<Self> {
+        Self::signed(token, secret).filter(|claims| now < claims.expires)
+    }
+
+    /// The content of `token`, if this secret signed it. The MAC is compared in a time that does not depend on where it differs, and before anything else is
+    /// looked at.
+    fn signed(token: &str, secret: &Secret) -> Option<Self> {
         let mut bytes = [0; CLAIMS_BYTES + MAC_BYTES];
         let length = URL_SAFE_NO_PAD.decode_slice(token, &mut bytes).ok()?;
         if length != bytes.len() {
@@ -109,13 +120,13 @@ impl Claims {
             (VERSION, 4) => Role::Member,
             _ => return None,
         };
-        let claims = Self {
+        Some(Self {
             role,
             expires: u64::from_le_bytes(claims[2..10].try_into().ok()?),
             owner: Id::from_bytes(claims[10..26].try_into().ok()?),
             room: Id::from_bytes(claims[26..42].try_into().ok()?),
-        };
-        (now < claims.expires).then_some(claims)
+            name: Id::from_bytes(claims[42..58].try_into().ok()?),
+        })
     }
 }
 
@@ -137,8 +148,16 @@ impl Secret {
     }
 
     /// A token with which the owner called `name` opens rooms and puts packages until `expires` (Unix seconds).
-    pub fn owner_token(&self, name: &str, expires: u64) -> String {
-        Claims::owner(Id::of_owner(name), expires).sign(self)
+    ///
+    /// # Errors
+    /// If the system gives no random numbers.
+    pub fn owner_token(&self, name: &str, expires: u64) -> Result<String, ServerError> {
+        Ok(Claims::owner(Id::of_owner(name), expires)?.sign(self))
+    }
+
+    /// What `token` is called, to revoke it by, and when it expires (Unix seconds), if this secret signed it.
+    pub fn look_at_token(&self, token: &str) -> Option<(Id, u64)> {
+        Claims::signed(token, self).map(|claims| (claims.name, claims.expires))
     }
 }
 
@@ -168,7 +187,7 @@ fn mac_of(secret: &Secret, purpose: &[u8]) -> Hmac<Sha256> {
 }
 
 /// Unix seconds.
-pub(crate) fn now() -> u64 {
+pub fn now() -> u64 {
     SystemTime::now()
         .duration_since(UNIX_EPOCH)
         .map_or(0, |since| since.as_secs())
@@ -182,7 +201,7 @@ mod tests {
     fn a_token_says_what_was_signed_until_it_expires() -> Result<(), Box<dyn std::error::Error>> {
         let secret = Secret::random()?;
         let (owner, room) = (Id::random()?, Id::random()?);
-        let claims = Claims::in_room(Role::Viewer, owner, room, 1000);
+        let claims = Claims::in_room(Role::Viewer, owner, room, 1000)?;
         let token = claims.sign(&secret);
         assert_eq!(Claims::verify(&token, &secret, 999), Some(claims), "valid");
         assert_eq!(Claims::verify(&token, &secret, 1000), None, "expired");
@@ -194,7 +213,7 @@ mod tests {
         assert!(claims.may(&[Role::Viewer], room), "its room");
         assert!(!claims.may(&[Role::Viewer], Id::random()?), "another room");
         assert!(!claims.may(&[Role::Sender], room), "another role");
-        let owner = Claims::owner(owner, 1000);
+        let owner = Claims::owner(owner, 1000)?;
         assert!(
             !owner.may(&[Role::Owner, Role::Sender], Id::from_bytes([0; 16])),
             "an owner's token is no room's"
@@ -206,7 +225,7 @@ mod tests {
     fn a_token_with_any_bit_changed_or_any_byte_missing_is_refused()
     -> Result<(), Box<dyn std::error::Error>> {
         let secret = Secret::random()?;
-        let token = Claims::owner(Id::of_owner("ada"), u64::MAX).sign(&secret);
+        let token = Claims::owner(Id::of_owner("ada"), u64::MAX)?.sign(&secret);
         let bytes = URL_SAFE_NO_PAD.decode(&token)?;
         for at in 0..bytes.len() * 8 {
             let mut changed = bytes.clone();

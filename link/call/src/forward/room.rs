@@ -102,7 +102,7 @@ impl AudienceRoom {
                     viewers.spawn(async move {
                         let served = async {
                             let (client, link) = (&room.client, &room.link);
-                            introduction::admit_viewer(client, link, &session, &sdp).await?;
+                            introduction::admit_viewer(client, None, link, &session, &sdp).await?;
                             let reply = OverHttp { room, session };
                             stage.serve(place, sdp, reply, left).await
                         };

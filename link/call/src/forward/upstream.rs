@@ -136,7 +136,7 @@ impl Upstream {
                     last_here = Instant::now();
                 }
                 // It does not take a forwarder, or no further one.
-                Err(error @ (CallError::TooManyViewers | CallError::Refused))
+                Err(error @ (CallError::TooManyViewers | CallError::Refused(_)))
                     if until != Until::Stopped =>
                 {
                     log::warn!("a sender is not forwarded: {error}");

@@ -1,16 +1,16 @@
 //! One viewer of a sender: its connection, what it is sent, and what it sends back.
 
 use super::{MAX_VIEWERS, Shared};
+use crate::door::{Stay, Visitor};
 use crate::introduction;
 use crate::path::Path;
 use crate::peer::{Peer, PeerEvent, SendOutcome};
 use crate::seal::Sealer;
 use crate::telling::{Repeated, Telling};
 use crate::{CallError, answer_bye, is_set, send_bye};
-use identity::PublicKey;
 use link_codec::{Encoder, Micros, MotionFrame};
 use link_protocol::data_channel::{Message, Pong, State};
-use link_protocol::{Name, Refusal, RoomLink, sealed};
+use link_protocol::{Name, Refusal, Rights, RoomLink, sealed};
 use link_voice::{Voice, timestamp};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -80,45 +80,70 @@ impl Shared {
         // none: nobody could open what is sealed, or each could pass for another.
         let hands_over =
             self.places.forwards.load(Relaxed) && room.secret().is_some() && !room.is_seat();
-        let (viewer, sealer) = if offer.forwards && hands_over {
-            (None, Sealer::new(room, self.avatar)?)
+        if offer.forwards && hands_over {
+            let sealer = Sealer::new(room, self.avatar)?;
+            return match take(&self.places.forwarders) {
+                Some(place) => Ok(Admitted {
+                    visitor: None,
+                    place: Some(place),
+                    sealer,
+                }),
+                None => self.refuse(room, name, Refusal::Full).await,
+            };
+        }
+        let own = self.credentials.as_ref();
+        let visitor = introduction::admit_viewer(&self.client, own, room, name, &offer.sdp).await?;
+        if let Err(refusal) = self.door.knock(&visitor, introduction::now()) {
+            return self.refuse(room, name, refusal).await;
+        }
+        // What is handed over is seen and heard whole.
+        let may_be_handed_over = visitor.rights() == Rights::ALL;
+        let place = if hands_over && may_be_handed_over {
+            take(&self.places.viewers).map(Some)
         } else {
-            let viewer = introduction::admit_viewer(&self.client, room, name, &offer.sdp).await?;
-            (viewer, None)
-        };
-        let place = if !hands_over {
             let is_full = self.counts.viewers.load(Relaxed) >= MAX_VIEWERS;
             (!is_full).then_some(None)
-        } else if offer.forwards {
-            take(&self.places.forwarders)
-        } else {
-            take(&self.places.viewers)
         };
-        let Some(place) = place else {
-            (self.client.answer(room, name, &Refusal::Full.answer())).await?;
-            return Err(if hands_over {
-                CallError::HandedOver
-            } else {
-                CallError::TooManyViewers
-            });
-        };
-        Ok(Admitted {
-            viewer,
-            place,
-            sealer,
+        match place {
+            Some(place) => Ok(Admitted {
+                visitor: Some(visitor),
+                place,
+                sealer: None,
+            }),
+            None if hands_over && may_be_handed_over => {
+                // Before the answer: the viewer may be removed as soon as it is there.
+                self.door.hand_over(visitor, name.clone());
+                self.refuse(room, name, Refusal::Full).await
+            }
+            None => self.refuse(room, name, Refusal::Many).await,
+        }
+    }
+
+    /// Answers that the side which offers is not taken.
+    async fn refuse(
+        &self,
+        room: &RoomLink,
+        name: &Name,
+        refusal: Refusal,
+    ) -> Result<Admitted, CallError> {
+        (self.client.answer(room, name, &refusal.answer())).await?;
+        Err(match refusal {
+            Refusal::Full => CallError::HandedOver,
+            Refusal::Many => CallError::TooManyViewers,
+            refusal => CallError::Refused(refusal),
         })
     }
 }
 
 /// A place, if one is free.
-fn take(places: &Arc<Semaphore>) -> Option<Option<OwnedSemaphorePermit>> {
-    Arc::clone(places).try_acquire_owned().ok().map(Some)
+fn take(places: &Arc<Semaphore>) -> Option<OwnedSemaphorePermit> {
+    Arc::clone(places).try_acquire_owned().ok()
 }
 
 /// A viewer that is taken.
 struct Admitted {
-    /// Who it is, where it says so.
-    viewer: Option<PublicKey>,
+    /// Who it is, as far as it says so; nothing of the server's forwarder.
+    visitor: Option<Visitor>,
     /// Nothing where the server does not forward.
     place: Option<OwnedSemaphorePermit>,
     sealer: Option<Sealer>,
@@ -138,7 +163,7 @@ pub(super) async fn serve_viewer(
         .await;
     let relay = plan.relay.clone();
     let Admitted {
-        viewer,
+        visitor,
         place,
         sealer,
     } = match shared.admit(&room, name, &offer).await {
@@ -147,12 +172,14 @@ pub(super) async fn serve_viewer(
             log::debug!("a viewer is handed over to the server");
             return Ok(());
         }
+        // They are told, and so is the performer, at the door.
+        Err(CallError::Refused(refusal)) if refusal != Refusal::Link => {
+            log::debug!("a viewer is refused: {refusal:?}");
+            return Ok(());
+        }
         admitted => admitted?,
     };
-    let Offer {
-        sdp: offer,
-        forwards,
-    } = offer;
+    let Offer { sdp: offer, .. } = offer;
     let (mut peer, answer) = Peer::answer(plan, shared.channel, offer.clone()).await?;
     let own = shared.credentials.as_ref();
     let answer = introduction::introduce_sender(own, &room, shared.avatar, &offer, &answer)?;
@@ -185,15 +212,13 @@ pub(super) async fn serve_viewer(
     counts.viewers.fetch_add(1, Relaxed);
     counts.joined.fetch_add(1, Relaxed);
     let path = peer.path().await;
-    let key = viewer.map(|key| format!(" with the key {}", key.fingerprint()));
-    let who = if forwards {
-        "the server's forwarder"
-    } else {
-        "a viewer"
+    let stay = visitor.map(|visitor| shared.door.enter(visitor));
+    let who = match &stay {
+        None => "the server's forwarder".to_owned(),
+        Some(stay) => stay.visitor().to_string(),
     };
     log::info!(
-        "{who} has joined{} (session {session:08x}): {}",
-        key.unwrap_or_default(),
+        "{who} has joined (session {session:08x}): {}",
         Path::told(path.as_ref())
     );
     if let Some(path) = path {
@@ -205,7 +230,8 @@ pub(super) async fn serve_viewer(
         session,
         sealed: Vec::new(),
     };
-    let why = send_motion(&mut shared, before, outlet, place, &mut left).await;
+    let why = send_motion(&mut shared, before, outlet, place, &mut left, stay.as_ref()).await;
+    drop(stay);
     counts.viewers.fetch_sub(1, Relaxed);
     log::info!("{who} has left (session {session:08x}): {why}");
     peer.close().await;
@@ -219,8 +245,11 @@ async fn send_motion(
     mut outlet: Outlet<'_>,
     mut place: Option<OwnedSemaphorePermit>,
     left: &mut watch::Receiver<bool>,
+    stay: Option<&Stay>,
 ) -> &'static str {
     let session = outlet.session;
+    let rights = stay.map_or(Rights::ALL, |stay| stay.visitor().rights());
+    let mut sent_away = std::pin::pin!(Stay::over(stay));
     let mut encoder = Encoder::new(shared.codec, session);
     let mut out = Vec::with_capacity(1024);
     let mut silent_at = Instant::now() + SILENCE_TIMEOUT;
@@ -245,6 +274,9 @@ async fn send_motion(
                 let passed_over = captured.sequence.saturating_sub(last.saturating_add(1));
                 shared.counts.skipped.fetch_add(passed_over.into(), Relaxed);
                 last = captured.sequence;
+                if !rights.see {
+                    continue;
+                }
                 let frame = MotionFrame {
                     sequence: captured.sequence.saturating_sub(before),
                     ..MotionFrame::clone(&captured)
@@ -267,6 +299,7 @@ async fn send_motion(
                 }
             }
             said = voice.recv() => match said {
+                Ok(_) if !rights.hear => {}
                 Ok(said) => {
                     let bytes = said.opus.len() as u64;
                     if outlet.say(said).await {
@@ -292,6 +325,8 @@ async fn send_motion(
                 }
             }
             () = is_set(left) => return "it left",
+            // Without a bye, which would say that the sender hung up: it offers again, and is told why it is not taken.
+            why = &mut sent_away => return why,
             () = is_set(&mut shared.stop) => {
                 send_bye(outlet.peer, session).await;
                 return "the sender hung up";

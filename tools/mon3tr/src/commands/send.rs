@@ -4,6 +4,7 @@ use crate::camera::{CameraCapture, CameraFigures, CameraOptions, OpenCamera};
 use crate::commands::send_memory::{SenderMemory, Watched};
 use crate::commands::serve::owner_token_file;
 use crate::device_options::DeviceOptions;
+use crate::doorkeeper::{DoorOptions, Doorkeeper};
 use crate::keys;
 use crate::network::{self, Line};
 use crate::performance::MotionOptions;
@@ -16,7 +17,7 @@ use anyhow::{Context, anyhow, bail};
 use app_session::headset::WearerSlot;
 use app_session::own_motion::OwnMotion;
 use call_member::{Performance, SetAtEnd, WEARER_RATE, WearerCapture};
-use link_call::{Credentials, Sender};
+use link_call::{Credentials, Door, Sender};
 use link_codec::Codec;
 use link_protocol::RoomLink;
 use link_protocol::announcement::ChannelMode;
@@ -59,6 +60,11 @@ pub struct Options {
     /// Leave so many seconds after the first viewer has come [default: on Ctrl-C]
     #[arg(long, value_name = "SECONDS", value_parser = network::parse_seconds)]
     pub(crate) seconds: Option<Duration>,
+    #[command(flatten)]
+    pub(crate) door: DoorOptions,
+    /// How long the links of a room that is opened now are good [default: a day; at most as the server allows]
+    #[arg(long, value_name = "HOURS", conflicts_with = "room", value_parser = clap::value_parser!(u64).range(1..=720))]
+    pub(crate) link_hours: Option<u64>,
     #[command(flatten)]
     pub(crate) trust: network::Trust,
     /// Write every figure as JSON
@@ -128,10 +134,29 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let performer = Performer::open(&options.person, avatar, options.seconds, device)?;
     let credentials = keys::of_sender(&performer.avatar)?;
     let line = Line::open(&options.trust)?;
-    let desk = (options.person).desk(options.place()?, avatar, performer.rate_hz, credentials);
+    let desk = Desk {
+        door: options.door.door(options.room.as_ref())?,
+        ..(options.person).desk(
+            options.place()?,
+            avatar,
+            performer.rate_hz,
+            credentials.clone(),
+        )
+    };
     let entered = enter(&desk, &line)?;
+    let venue = entered.host.venue();
+    let keeper = Arc::new(Doorkeeper::new(
+        desk.door.clone(),
+        venue,
+        credentials,
+        &line,
+    ));
     if let Some(viewers) = &entered.viewers {
-        println!("in the room. Others join with\n  mon3tr receive '{viewers}'");
+        if desk.door.rules().guests_only {
+            println!("in the room.");
+        } else {
+            println!("in the room. Others join with\n  mon3tr receive '{viewers}'");
+        }
         if viewers.server().is_loopback() {
             println!(
                 "(on this machine only: give send the server's own address with --server for a link that works elsewhere)"
@@ -142,7 +167,16 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
             entered.host.venue().room()
         );
     }
-    let report = perform(&desk, entered.host, performer, preview, &line)?;
+    options.door.print_guests(&keeper)?;
+    keeper.listen_to_terminal()?;
+    let report = perform(
+        &desk,
+        entered.host,
+        performer,
+        preview,
+        &line,
+        Some(&keeper),
+    )?;
     report.print();
     write_json(options.json.as_deref(), &report)
 }
@@ -152,7 +186,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
 /// # Errors
 /// If there is no way in.
 pub(crate) fn enter(desk: &Desk, line: &Line) -> anyhow::Result<Entered> {
-    network::warn_if_unprotected(desk.place.server());
+    line.check_protection(desk.place.server())?;
     let bar = progress::bytes("uploading the avatar");
     let entered = line
         .network
@@ -177,6 +211,7 @@ pub(crate) fn perform(
     performer: Performer,
     preview: Option<Preview>,
     line: &Line,
+    keeper: Option<&Doorkeeper>,
 ) -> anyhow::Result<Report> {
     let Performer {
         avatar,
@@ -233,7 +268,8 @@ pub(crate) fn perform(
     let performed = std::thread::scope(|scope| {
         let _over = SetAtEnd(&over);
         // In a call of several the roster tells who comes and goes.
-        if !matches!(desk.place, Place::Call { .. }) {
+        if let Some(keeper) = keeper {
+            scope.spawn(|| keeper.watch(&over));
             scope.spawn(|| tell_of_viewers(&host, &over));
         }
         match (preview, shown) {
@@ -390,6 +426,7 @@ impl PersonOptions {
             channel: self.channel,
             rate_hz,
             credentials: Some(credentials),
+            door: Door::default(),
         }
     }
 
@@ -470,6 +507,7 @@ impl Options {
         Ok(Place::Server {
             server: self.host.server.clone(),
             owner_token: self.host.owner_token()?,
+            lifetime: (self.link_hours).map(|hours| Duration::from_secs(hours * 3600)),
         })
     }
 }

@@ -26,15 +26,15 @@ use test_support::speech::syllables;
 /// What a sender serves itself.
 const DIRECT: usize = 8;
 
-struct Hall<'a> {
+pub(crate) struct Hall<'a> {
     house: &'a House,
-    client: Client,
+    pub(crate) client: Client,
     clock: Clock,
-    authentication: Authentication,
+    pub(crate) authentication: Authentication,
 }
 
 impl<'a> Hall<'a> {
-    fn of(house: &'a House) -> Self {
+    pub(crate) fn of(house: &'a House) -> Self {
         let signer = Avatar::load(&house.avatar).expect("the package").signer;
         Self {
             house,
@@ -45,10 +45,14 @@ impl<'a> Hall<'a> {
     }
 
     fn join(&self, link: &RoomLink) -> Viewer {
+        self.join_as(link, self.authentication.clone())
+    }
+
+    pub(crate) fn join_as(&self, link: &RoomLink, authentication: Authentication) -> Viewer {
         let _network = self.house.runtime.enter();
         let voice = VoiceQueue::default();
         let (client, link) = (self.client.clone(), link.clone());
-        Viewer::join(client, link, self.authentication.clone(), self.clock, voice)
+        Viewer::join(client, link, authentication, self.clock, voice)
     }
 
     /// So many, one after the other.
@@ -67,7 +71,7 @@ impl<'a> Hall<'a> {
 }
 
 /// Waits for the end of a viewer's call.
-fn ends(viewer: &Viewer) -> CallEvent {
+pub(crate) fn ends(viewer: &Viewer) -> CallEvent {
     let until = Instant::now() + LONGEST_WAIT;
     loop {
         assert!(Instant::now() < until, "it goes on");
@@ -126,7 +130,7 @@ fn the_ninth_viewer_is_handed_to_the_server_and_sees_and_hears_the_same() {
     let stranger = hall.join(&token.expect("a link"));
     let end = ends(&stranger);
     assert!(
-        matches!(end, CallEvent::Failed(CallError::Refused)),
+        matches!(end, CallEvent::Failed(CallError::Refused(Refusal::Link))),
         "{end:?}"
     );
 

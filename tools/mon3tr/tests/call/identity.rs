@@ -3,7 +3,7 @@
 use crate::command::{Outcome, command};
 use crate::house::{House, Program, count};
 use identity::Identity;
-use link_call::{Authentication, CallError, CallEvent, Credentials, Sender, Viewer};
+use link_call::{Authentication, CallError, CallEvent, Credentials, Door, Sender, Viewer};
 use link_codec::Codec;
 use link_http::Client;
 use link_playout::Clock;
@@ -140,6 +140,7 @@ fn viewers_refuse_who_took_an_avatar() {
                 room.sender,
                 announcement,
                 credentials,
+                Door::default(),
                 Clock::start(),
             );
             let sender = sender.await.expect("in the room");

@@ -8,6 +8,7 @@ mod both_ways;
 #[allow(dead_code, reason = "shared with the tests of the other sub-commands")]
 mod command;
 mod demo;
+mod door;
 mod echo;
 mod handover;
 mod headset;

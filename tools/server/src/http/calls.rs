@@ -1,7 +1,7 @@
 //! Calls of several: a call is a name from which its seats follow, each a room of its own. Nothing is kept of a call either: its members' token says which
 //! it is, and a seat is taken while its presence stream is open.
 
-use super::rooms::{lifetime_of, random};
+use super::rooms::{lifetime_of, random, sign};
 use super::{App, HttpError};
 use crate::Id;
 use crate::rooms::{RoomReply, RoomRequest};
@@ -31,7 +31,7 @@ pub(super) async fn open(
     let call = random()?;
     let opened = OpenedCall {
         call: call.into(),
-        member_token: Claims::in_room(Role::Member, claims.owner, call, expires).sign(&app.secret),
+        member_token: sign(&app, Role::Member, claims.owner, call, expires)?.1,
         expires,
     };
     Ok((StatusCode::CREATED, NO_STORE, Json(opened)).into_response())
@@ -55,7 +55,10 @@ pub(super) async fn status(
 }
 
 async fn seat(app: &App, room: Id) -> Result<Seat, HttpError> {
-    let taken = match app.ask(room, RoomRequest::Announcement).await {
+    let taken = match app
+        .ask(room, RoomRequest::Announcement { viewer: None })
+        .await
+    {
         RoomReply::Announcement {
             announcement,
             person,

@@ -6,6 +6,7 @@ use axum::Json;
 use axum::extract::rejection::BytesRejection;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use link_protocol::limits::MAX_REVOKED;
 use link_protocol::rooms::ErrorBody;
 
 /// A response that is no success. Its text is the body, as JSON.
@@ -56,6 +57,8 @@ pub(crate) enum HttpError {
     SeatTaken,
     #[error("whoever takes a seat of a call has to name an `occupant`")]
     NoOccupant,
+    #[error("a sender may revoke the tokens of {MAX_REVOKED} viewers")]
+    Revoked,
     #[error("this call's members have put {most} packages, and may put no more; its owner may")]
     CallUploads { most: u32 },
 
@@ -97,6 +100,7 @@ impl HttpError {
             | Self::NoSdp
             | Self::NoAnnouncement(_)
             | Self::NoOccupant
+            | Self::Revoked
             | Self::AvatarSize { .. } => StatusCode::UNPROCESSABLE_ENTITY,
             Self::SeatTaken => StatusCode::CONFLICT,
             Self::CallUploads { .. } => StatusCode::FORBIDDEN,

@@ -83,7 +83,8 @@ pub(super) async fn authenticate(
         return next.run(request).await;
     }
     let token = bearer(request.headers());
-    match token.and_then(|token| Claims::verify(token, &app.secret, now())) {
+    let claims = token.and_then(|token| Claims::verify(token, &app.secret, now()));
+    match claims.filter(|claims| !app.revoked.has(claims.name)) {
         Some(claims) => {
             request.extensions_mut().insert(claims);
             next.run(request).await

@@ -103,7 +103,7 @@ mod tests {
         let member = |number: u64, expires| {
             let mut call = [0; 16];
             call[..8].copy_from_slice(&number.to_le_bytes());
-            Claims::in_room(Role::Member, owner, Id::from_bytes(call), expires)
+            Claims::in_room(Role::Member, owner, Id::from_bytes(call), expires).expect("random")
         };
         let first = member(0, 100);
         for _ in 0..PER_CALL {

@@ -16,6 +16,7 @@ use crate::ice::Ice;
 use crate::metrics::Metrics;
 use crate::packages::Packages;
 use crate::relay::Relay;
+use crate::revoked::Revoked;
 use crate::rooms::{RoomReply, RoomRequest, Rooms};
 use crate::{Id, Limits, Secret};
 use axum::Router;
@@ -38,6 +39,7 @@ use tower_http::cors::{Any, CorsLayer};
 pub(crate) struct App {
     pub(crate) limits: Limits,
     pub(crate) secret: Secret,
+    pub(crate) revoked: Revoked,
     pub(crate) rooms: Arc<Rooms>,
     pub(crate) relay: Option<Relay>,
     pub(crate) ice: Ice,
@@ -69,6 +71,7 @@ pub(crate) fn router(app: Arc<App>) -> Router {
     let short = Router::new()
         .route("/v1/rooms", post(rooms::open))
         .route("/v1/rooms/{room}", get(rooms::status))
+        .route("/v1/rooms/{room}/viewers", post(rooms::add_viewer))
         .route("/v1/calls", post(calls::open))
         .route("/v1/calls/{call}", get(calls::status))
         .route(

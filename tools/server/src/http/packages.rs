@@ -2,14 +2,17 @@
 
 use super::guard::discard;
 use super::member_uploads::MemberUpload;
+use super::rooms::{refused, viewer_of};
 use super::{App, HttpError};
 use crate::packages::{ByteRange, Conditions, UploadError};
+use crate::rooms::{RoomReply, RoomRequest};
 use crate::token::{Claims, Role, now};
 use axum::body::Body;
 use axum::extract::{Extension, Path, Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::TryStreamExt;
+use futures_util::future::join_all;
 use link_protocol::PackageId;
 use std::sync::Arc;
 use std::time::Duration;
@@ -118,6 +121,41 @@ fn logged(error: UploadError) -> UploadError {
     error
 }
 
+/// That the bearer sees this avatar, or is its owner: an avatar is a person's likeness, so a link to one room is to give no other one of its owner's.
+async fn may_read(
+    app: &App,
+    claims: &Claims,
+    hash: PackageId,
+    method: &Method,
+) -> Result<(), HttpError> {
+    let rooms = match claims.role {
+        Role::Owner | Role::Sender => return Ok(()),
+        // Who is about to put a package asks whether it is there.
+        Role::Member if method == Method::HEAD => return Ok(()),
+        Role::Viewer => vec![claims.room()],
+        Role::Member => app.secret.seats(claims.room()).collect(),
+    };
+    let viewer = viewer_of(claims);
+    let asked = rooms.into_iter().map(|room| async move {
+        match app.ask(room, RoomRequest::Announcement { viewer }).await {
+            RoomReply::Announcement { announcement, .. } => {
+                let is_theirs = announcement.avatar.sha256 == hash;
+                is_theirs.then_some(()).ok_or(HttpError::NotFound)
+            }
+            reply => Err(refused(&reply)),
+        }
+    });
+    let answers = join_all(asked).await;
+    if answers.iter().any(Result::is_ok) {
+        return Ok(());
+    }
+    // A seat that nobody has says nothing; one that cannot be asked may be whose it is.
+    let unasked = answers.into_iter().filter_map(Result::err);
+    let absent = |error: &HttpError| matches!(error, HttpError::SenderAbsent);
+    let mut unasked = unasked.filter(|error| claims.role == Role::Viewer || !absent(error));
+    Err(unasked.next().unwrap_or(HttpError::NotFound))
+}
+
 /// `GET` and `HEAD`.
 pub(super) async fn read(
     State(app): State<Arc<App>>,
@@ -127,6 +165,7 @@ pub(super) async fn read(
     headers: HeaderMap,
 ) -> Result<Response, HttpError> {
     let hash = hash.parse::<PackageId>().ok().ok_or(HttpError::NotFound)?;
+    may_read(&app, &claims, hash, &method).await?;
     let size = in_time(app.packages.size(claims.owner, hash))
         .await?
         .ok_or(HttpError::NotFound)?;

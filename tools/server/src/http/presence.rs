@@ -14,7 +14,7 @@ use axum::response::sse::{Event as SseEvent, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
 use link_protocol::calls::EnterRoom;
-use link_protocol::limits::PRESENCE_COMMENT_EVERY;
+use link_protocol::limits::{MAX_REVOKED, PRESENCE_COMMENT_EVERY};
 use link_protocol::presence::PresenceEvent;
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -46,6 +46,9 @@ pub(super) async fn enter(
     let body = tokio::time::timeout(ANNOUNCED_WITHIN, Bytes::from_request(request, &()));
     let body = body.await.map_err(|_| HttpError::TooSlow)?;
     let sender: EnterRoom = serde_json::from_slice(&body?).map_err(HttpError::NoAnnouncement)?;
+    if sender.revoked.len() > MAX_REVOKED {
+        return Err(HttpError::Revoked);
+    }
     let avatar = sender.announcement.avatar;
     if claims.role == Role::Member {
         check_seat(&app, room, &sender).await?;
@@ -97,7 +100,10 @@ async fn check_seat(app: &App, room: Id, sender: &EnterRoom) -> Result<(), HttpE
     if sender.occupant.is_none() {
         return Err(HttpError::NoOccupant);
     }
-    match app.ask(room, RoomRequest::Announcement).await {
+    match app
+        .ask(room, RoomRequest::Announcement { viewer: None })
+        .await
+    {
         RoomReply::Announcement { occupant, .. } if is_of_another(occupant.as_ref(), sender) => {
             Err(HttpError::SeatTaken)
         }

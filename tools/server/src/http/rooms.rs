@@ -2,10 +2,10 @@
 
 use super::senders_room::RoomHere;
 use super::{App, HttpError};
-use crate::Id;
 use crate::forwarding::HandedOver;
 use crate::rooms::{RoomReply, RoomRequest};
 use crate::token::{Claims, Role, now};
+use crate::{Id, ServerError};
 use axum::body::Bytes;
 use axum::extract::rejection::BytesRejection;
 use axum::extract::{Extension, Path, State};
@@ -14,7 +14,7 @@ use axum::response::{IntoResponse, Response};
 use axum::{Json, http::HeaderValue};
 use link_protocol::Refusal;
 use link_protocol::limits::DEFAULT_ROOM_LIFETIME;
-use link_protocol::rooms::{OpenRoom, OpenedRoom, RoomStatus, SDP_MEDIA_TYPE};
+use link_protocol::rooms::{OpenRoom, OpenedRoom, RoomStatus, SDP_MEDIA_TYPE, ViewerToken};
 use std::sync::Arc;
 
 type Body = Result<Bytes, BytesRejection>;
@@ -30,30 +30,73 @@ pub(super) async fn open(
     let lifetime = lifetime_of(&app, &body?)?;
     let room = random()?;
     let expires = now().saturating_add(lifetime);
-    let token = |role| Claims::in_room(role, claims.owner, room, expires).sign(&app.secret);
+    let token = |role| Ok::<_, HttpError>(sign(&app, role, claims.owner, room, expires)?.1);
     let opened = OpenedRoom {
         room: room.into(),
-        sender_token: token(Role::Sender),
-        viewer_token: token(Role::Viewer),
+        sender_token: token(Role::Sender)?,
+        viewer_token: token(Role::Viewer)?,
         expires,
     };
     let no_store = [(header::CACHE_CONTROL, HeaderValue::from_static("no-store"))];
     Ok((StatusCode::CREATED, no_store, Json(opened)).into_response())
 }
 
+/// One more viewer's token, which the sender can revoke by itself.
+pub(super) async fn add_viewer(
+    State(app): State<Arc<App>>,
+    Extension(claims): Extension<Claims>,
+    Path(room): Path<String>,
+    body: Body,
+) -> Result<Response, HttpError> {
+    let room = Id::parse(&room)
+        .filter(|room| claims.may(&[Role::Sender], *room))
+        .ok_or(HttpError::NotFound)?;
+    // Nobody gives more than they have.
+    let expires = match order_of(&app, &body?)?.lifetime_s {
+        Some(lifetime) => now().saturating_add(lifetime).min(claims.expires),
+        None => claims.expires,
+    };
+    let (name, viewer_token) = sign(&app, Role::Viewer, claims.owner, room, expires)?;
+    let added = ViewerToken {
+        name: name.into(),
+        viewer_token,
+        expires,
+    };
+    let no_store = [(header::CACHE_CONTROL, HeaderValue::from_static("no-store"))];
+    Ok((StatusCode::CREATED, no_store, Json(added)).into_response())
+}
+
+/// A new token: its name and its text.
+pub(super) fn sign(
+    app: &App,
+    role: Role,
+    owner: Id,
+    room: Id,
+    expires: u64,
+) -> Result<(Id, String), HttpError> {
+    let claims = Claims::in_room(role, owner, room, expires).map_err(no_random)?;
+    Ok((claims.name, claims.sign(&app.secret)))
+}
+
 /// The lifetime that the body of a request for a room or a call asks for, seconds.
 pub(super) fn lifetime_of(app: &App, body: &[u8]) -> Result<u64, HttpError> {
-    let order = if body.is_empty() {
+    let usual = DEFAULT_ROOM_LIFETIME.min(app.limits.room_lifetime);
+    Ok(order_of(app, body)?.lifetime_s.unwrap_or(usual.as_secs()))
+}
+
+fn order_of(app: &App, body: &[u8]) -> Result<OpenRoom, HttpError> {
+    let order: OpenRoom = if body.is_empty() {
         OpenRoom::default()
     } else {
         serde_json::from_slice(body).map_err(HttpError::NoRoomRequest)?
     };
     let longest = app.limits.room_lifetime.as_secs();
-    let lifetime = order.lifetime_s.unwrap_or(DEFAULT_ROOM_LIFETIME.as_secs());
-    if lifetime == 0 || lifetime > longest {
-        return Err(HttpError::RoomLifetime { longest });
+    match order.lifetime_s {
+        Some(lifetime) if lifetime == 0 || lifetime > longest => {
+            Err(HttpError::RoomLifetime { longest })
+        }
+        _ => Ok(order),
     }
-    Ok(lifetime)
 }
 
 pub(super) async fn status(
@@ -63,7 +106,8 @@ pub(super) async fn status(
     headers: HeaderMap,
 ) -> Result<Response, HttpError> {
     let room = room_of(&app, &claims, &[Role::Viewer, Role::Sender], &room)?;
-    match app.ask(room, RoomRequest::Announcement).await {
+    let viewer = viewer_of(&claims);
+    match app.ask(room, RoomRequest::Announcement { viewer }).await {
         RoomReply::Announcement { announcement, .. } => {
             let no_store = [(header::CACHE_CONTROL, HeaderValue::from_static("no-store"))];
             let status = RoomStatus {
@@ -91,6 +135,7 @@ pub(super) async fn join(
         session,
         sdp,
         forwards: false,
+        viewer: viewer_of(&claims),
     };
     match app.ask(room, request).await {
         RoomReply::Answer { sdp } => {
@@ -146,10 +191,14 @@ pub(super) async fn leave(
     Extension(claims): Extension<Claims>,
     Path((room, session)): Path<(String, String)>,
 ) -> Result<StatusCode, HttpError> {
-    let room = room_of(&app, &claims, &[Role::Viewer], &room)?;
+    let room = room_of(&app, &claims, &[Role::Viewer, Role::Sender], &room)?;
     let session = Id::parse(&session).ok_or(HttpError::NotFound)?;
     if let Some(forwarding) = &app.forwarding {
         forwarding.leave(&session.into());
+    }
+    if claims.role == Role::Sender {
+        // It knows.
+        return Ok(StatusCode::NO_CONTENT);
     }
     match app.ask(room, RoomRequest::Leave { session }).await {
         RoomReply::Done => Ok(StatusCode::NO_CONTENT),
@@ -169,11 +218,18 @@ pub(super) fn room_of(
         .ok_or(HttpError::NotFound)
 }
 
+/// What a viewer's token is called; a sender does not revoke others.
+pub(super) fn viewer_of(claims: &Claims) -> Option<Id> {
+    (claims.role == Role::Viewer).then_some(claims.name)
+}
+
 pub(super) fn random() -> Result<Id, HttpError> {
-    Id::random().map_err(|e| {
-        log::error!("{e}");
-        HttpError::NoRandom
-    })
+    Id::random().map_err(no_random)
+}
+
+fn no_random(error: ServerError) -> HttpError {
+    log::error!("{error}");
+    HttpError::NoRandom
 }
 
 fn sdp(headers: &HeaderMap, body: Body) -> Result<String, HttpError> {
@@ -189,12 +245,13 @@ fn sdp(headers: &HeaderMap, body: Body) -> Result<String, HttpError> {
         .ok_or(HttpError::NoSdp)
 }
 
-fn refused(reply: &RoomReply) -> HttpError {
+pub(super) fn refused(reply: &RoomReply) -> HttpError {
     match reply {
         RoomReply::Unanswered => HttpError::SenderSilent,
         RoomReply::Busy => HttpError::TooManyViewers,
         RoomReply::Unknown => HttpError::NoViewerWaits,
         RoomReply::Unreachable => HttpError::SenderUnreachable,
+        RoomReply::Revoked => HttpError::Unauthorized,
         RoomReply::Absent => HttpError::SenderAbsent,
         RoomReply::Announcement { .. } | RoomReply::Answer { .. } | RoomReply::Done => {
             log::error!("an instance sent the reply of another request");

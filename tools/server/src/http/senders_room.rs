@@ -31,7 +31,10 @@ impl SendersRoom for RoomHere {
 
     async fn announcement(&self) -> Option<Announcement> {
         let app = self.app.upgrade()?;
-        match app.ask(self.room, RoomRequest::Announcement).await {
+        match app
+            .ask(self.room, RoomRequest::Announcement { viewer: None })
+            .await
+        {
             RoomReply::Announcement { announcement, .. } => Some(announcement),
             _ => None,
         }
@@ -50,6 +53,7 @@ impl SendersRoom for RoomHere {
             session,
             sdp: sdp.to_owned(),
             forwards: true,
+            viewer: None,
         };
         match app.ask(self.room, request).await {
             RoomReply::Answer { sdp } => Some((session.into(), sdp)),

@@ -1,12 +1,16 @@
 //! Access: without a genuine token a client learns nothing, with one nothing beyond its right.
 
 use crate::support::{
-    ANSWER, OFFER, Outcome, PATIENCE, TestServer, announcement, files_below, package, unix_now,
+    ANSWER, OFFER, Outcome, PATIENCE, TestServer, announcement, another_package, files_below,
+    package, unix_now,
 };
+use link_protocol::rooms::ViewerToken;
 use reqwest::{Method, StatusCode};
+use serde_json::json;
 use server::Secret;
 use std::collections::BTreeSet;
 use std::sync::{Mutex, Once, PoisonError};
+use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
@@ -31,12 +35,12 @@ async fn without_a_genuine_unexpired_token_every_route_answers_the_same_whether_
         Some(format!("Bearer {owner} {owner}")),
         Some(format!(
             "Bearer {}",
-            caller.secret.owner_token("ada", unix_now())
+            caller.secret.owner_token("ada", unix_now())?
         )),
-        Some(format!("Bearer {}", caller.secret.owner_token("ada", 0))),
+        Some(format!("Bearer {}", caller.secret.owner_token("ada", 0)?)),
         Some(format!(
             "Bearer {}",
-            Secret::random()?.owner_token("ada", u64::MAX)
+            Secret::random()?.owner_token("ada", u64::MAX)?
         )),
     ];
     let (there, not) = (room.id.clone(), "0".repeat(32));
@@ -121,16 +125,21 @@ async fn a_genuine_token_sees_nothing_it_has_no_right_to() -> Outcome {
     let put = (Method::PUT, package().path());
     let get = (Method::GET, package().path());
     let delete = (Method::DELETE, package().path());
+    // Ada's, too, but nobody shows it in the room.
+    let second = another_package();
+    let stored = caller.put_package(&second, &caller.owner("ada")).await?;
+    assert_eq!(stored.status(), StatusCode::CREATED);
+    let other = (Method::GET, second.path());
     let (ada_owner, eve_owner) = (caller.owner("ada"), caller.owner("eve"));
     let mut bodies = BTreeSet::new();
     for (token, forbidden) in [
-        (&ada.viewer, vec![&presence, &answer, &open, &put, &delete]),
-        (&ada.sender, vec![&whep, &leave, &open, &put, &delete]),
+        (&ada.sender, vec![&whep, &open, &put, &delete]),
         (&ada_owner, vec![&presence, &whep, &room, &answer, &leave]),
         (
-            &eve.viewer,
-            vec![&presence, &whep, &room, &answer, &leave, &get],
+            &ada.viewer,
+            vec![&presence, &answer, &open, &put, &delete, &other],
         ),
+        (&eve.viewer, vec![&presence, &whep, &room, &answer, &leave]),
         (
             &eve.sender,
             vec![&presence, &whep, &room, &answer, &leave, &get],
@@ -158,6 +167,9 @@ async fn a_genuine_token_sees_nothing_it_has_no_right_to() -> Outcome {
     let nothing = caller.get("/v1/rooms/no/such/thing", &ada_owner).await?;
     bodies.insert(nothing.text().await?);
     assert_eq!(bodies.len(), 1, "one body for all: {bodies:?}");
+    // Nobody shows anything in Eve's room: so what there is to read there cannot be said yet.
+    let unshown = caller.get(&package().path(), &eve.viewer).await?;
+    assert_eq!(unshown.status(), StatusCode::SERVICE_UNAVAILABLE);
     // And with the right ones the same requests go through.
     assert_eq!(
         caller.get(&package().path(), &ada.viewer).await?.status(),
@@ -296,6 +308,100 @@ async fn neither_logs_nor_metrics_hold_a_token_or_text_of_a_client() -> Outcome 
             .await?,
         1,
         "what is no route: {metrics}"
+    );
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_sender_gives_each_viewer_a_token_and_takes_one_back() -> Outcome {
+    let server = TestServer::start().await?;
+    let caller = &server.caller;
+    let room = caller.room("ada").await?;
+    let path = format!("{}/viewers", room.path());
+    for token in [&room.viewer, &caller.owner("ada")] {
+        let asked = caller.request(Method::POST, &path, token).send().await?;
+        assert_eq!(asked.status(), StatusCode::NOT_FOUND, "no sender's");
+    }
+    let mut guests = Vec::new();
+    for lifetime in [None, Some(3600), Some(30 * 86_400)] {
+        let asked = caller.request(Method::POST, &path, &room.sender);
+        let asked = asked.json(&json!({ "lifetime_s": lifetime }));
+        let answer = asked.send().await?;
+        assert_eq!(answer.status(), StatusCode::CREATED);
+        let added: ViewerToken = answer.json().await?;
+        let left = added.expires - unix_now();
+        let expected = lifetime.unwrap_or(86_400).min(86_400);
+        assert!(left.abs_diff(expected) < 60, "{lifetime:?}: {left} s");
+        guests.push(added);
+    }
+    let mut body = announcement();
+    body["revoked"] = json!([guests[0].name]);
+    let presence = format!("{}/presence", room.path());
+    let presence = caller.request(Method::POST, &presence, &room.sender);
+    let presence = presence.timeout(Duration::from_secs(3600)).json(&body);
+    let _stream = presence.send().await?;
+    let offer = |token: String| {
+        let offer = caller.request(Method::POST, &format!("{}/whep", room.path()), &token);
+        let offer = offer.header("content-type", "application/sdp").body(OFFER);
+        async move { Ok::<_, reqwest::Error>(offer.send().await?.status()) }
+    };
+    for (guest, allowed) in [(&guests[0], false), (&guests[1], true)] {
+        let token = &guest.viewer_token;
+        for path in [room.path(), package().path()] {
+            let status = caller.get(&path, token).await?.status();
+            let expected = if allowed {
+                StatusCode::OK
+            } else {
+                StatusCode::UNAUTHORIZED
+            };
+            assert_eq!(status, expected, "{path}");
+        }
+        let expected = if allowed {
+            // It was passed on, and nobody answers here.
+            StatusCode::GATEWAY_TIMEOUT
+        } else {
+            StatusCode::UNAUTHORIZED
+        };
+        assert_eq!(offer(token.clone()).await?, expected);
+    }
+    let status = caller.get(&room.path(), &room.viewer).await?.status();
+    assert_eq!(status, StatusCode::OK, "the room's own link");
+    body["revoked"] = json!(vec!["n"; 65]);
+    let many = caller.request(
+        Method::POST,
+        &format!("{}/presence", room.path()),
+        &room.sender,
+    );
+    let many = many.json(&body).send().await?;
+    assert_eq!(many.status(), StatusCode::UNPROCESSABLE_ENTITY);
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_operator_takes_any_token_back_while_the_server_runs() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let file = folder.path().join("revoked");
+    let list = file.clone();
+    let server = TestServer::start_with(|config| config.revoked = Some(list)).await?;
+    let caller = &server.caller;
+    let (ada, eve) = (caller.owner("ada"), caller.owner("eve"));
+    let open = |token: String| {
+        let open = caller.request(Method::POST, "/v1/rooms", &token);
+        async move { Ok::<_, reqwest::Error>(open.send().await?.status()) }
+    };
+    assert_eq!(open(ada.clone()).await?, StatusCode::CREATED);
+    let (name, _) = caller.secret.look_at_token(&ada).ok_or("genuine")?;
+    server::revoke(&file, name)?;
+    let begun = std::time::Instant::now();
+    while open(ada.clone()).await? != StatusCode::UNAUTHORIZED {
+        assert!(begun.elapsed() < PATIENCE, "never revoked");
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    assert_eq!(open(eve).await?, StatusCode::CREATED, "another's");
+    assert_eq!(
+        open(caller.owner("ada")).await?,
+        StatusCode::CREATED,
+        "a new one of hers"
     );
     Ok(())
 }

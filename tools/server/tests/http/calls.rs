@@ -1,6 +1,8 @@
 //! Calls of several: seats, who may take one, and what a member may put into the store.
 
-use crate::support::{Caller, Outcome, Package, Presence, Room, TestServer, announcement, package};
+use crate::support::{
+    Caller, Outcome, Package, Presence, Room, TestServer, announcement, another_package, package,
+};
 use reqwest::{Method, Response, StatusCode};
 use serde_json::{Value, json};
 use std::time::Duration;
@@ -98,6 +100,17 @@ async fn members_put_their_avatars_take_seats_and_meet() -> Outcome {
     assert_eq!(replaced, Some(("replaced".into(), json!({}))));
     let _second = Presence::new(caller.sit(&call, &rooms[1], "o2").await?);
     caller.meet(&call.seat(&rooms[0]), &mut again).await?;
+    // A member reads the avatars of who is there, and no others of the call's owner.
+    let hidden = another_package();
+    let stored = caller.put_package(&hidden, &caller.owner("ada")).await?;
+    assert_eq!(stored.status(), StatusCode::CREATED);
+    for (path, expected) in [
+        (package().path(), StatusCode::OK),
+        (hidden.path(), StatusCode::NOT_FOUND),
+    ] {
+        let read = caller.get(&path, &call.member).await?;
+        assert_eq!(read.status(), expected, "{path}");
+    }
     let nameless = caller.announce(&call.seat(&rooms[2])).await?.status();
     assert_eq!(
         nameless,

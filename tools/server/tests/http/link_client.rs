@@ -1,9 +1,10 @@
 //! The server and `link-http`'s client, which were written apart from the same specification.
 
-use crate::support::{ANSWER, OFFER, Outcome, TestServer, package};
+use crate::support::{ANSWER, OFFER, Outcome, TestServer, announcement, package};
 use link_codec::Codec;
 use link_http::{Client, HttpError, PackageCache};
 use link_protocol::announcement::{AvatarRef, ChannelMode};
+use link_protocol::calls::EnterRoom;
 use link_protocol::presence::PresenceEvent;
 use link_protocol::room_link::ServerUrl;
 use link_protocol::{Announcement, PackageId};
@@ -112,6 +113,10 @@ async fn our_client_reads_the_server_s_refusals() -> Outcome {
         bytes: 7,
     };
     let cache = PackageCache::new(folder.path().join("cache"))?;
+    let stored = server.caller.put_package(package(), &owner).await?;
+    assert!(stored.status().is_success(), "{stored:?}");
+    let shown: EnterRoom = serde_json::from_value(announcement())?;
+    let _presence = client.open_presence(&room.sender, &shown).await?;
     let fetched = client
         .fetch_package(&room.viewer, &missing, &cache, |_| {})
         .await;

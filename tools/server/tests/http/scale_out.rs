@@ -134,27 +134,6 @@ async fn outlives_all(nats_program: &Path, python: &Path) -> Outcome {
 
     // What one stores the other serves.
     let room = first.room("ada").await?;
-    let read = second.get(&package().path(), &room.viewer).await?;
-    assert!(
-        read.bytes().await? == package().bytes,
-        "through the other instance"
-    );
-    let eve = second.empty_room("eve").await?;
-    let foreign = second.get(&package().path(), &eve.viewer).await?;
-    assert_eq!(
-        foreign.status(),
-        StatusCode::NOT_FOUND,
-        "owners are apart there, too"
-    );
-    let part = second.request(Method::GET, &package().path(), &room.viewer);
-    let part = part.header("range", "bytes=10-19").send().await?;
-    assert_eq!(part.status(), StatusCode::PARTIAL_CONTENT, "in parts");
-    assert_eq!(
-        part.bytes().await?,
-        package().bytes[10..20],
-        "the right part"
-    );
-
     let absent = second.join(&room).await?;
     assert_eq!(
         absent.status(),
@@ -167,6 +146,27 @@ async fn outlives_all(nats_program: &Path, python: &Path) -> Outcome {
         told["avatar"]["sha256"],
         package().hash,
         "announced everywhere"
+    );
+
+    let read = second.get(&package().path(), &room.viewer).await?;
+    assert!(
+        read.bytes().await? == package().bytes,
+        "through the other instance"
+    );
+    let eve = second.empty_room("eve").await?;
+    let foreign = second.get(&package().path(), &eve.viewer).await?;
+    assert_eq!(
+        foreign.status(),
+        StatusCode::SERVICE_UNAVAILABLE,
+        "nobody shows it in Eve's room"
+    );
+    let part = second.request(Method::GET, &package().path(), &room.viewer);
+    let part = part.header("range", "bytes=10-19").send().await?;
+    assert_eq!(part.status(), StatusCode::PARTIAL_CONTENT, "in parts");
+    assert_eq!(
+        part.bytes().await?,
+        package().bytes[10..20],
+        "the right part"
     );
 
     // A viewer on the other instance; the sender's answer goes there, as a balancer may send it.

@@ -10,7 +10,7 @@ use std::error::Error;
 use std::net::SocketAddr;
 use std::sync::OnceLock;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
-use synthetic_person::Puppet;
+use synthetic_person::{Puppet, PuppetSize};
 use tempfile::TempDir;
 
 pub(crate) type Outcome<T = ()> = Result<T, Box<dyn Error + Send + Sync>>;
@@ -47,6 +47,16 @@ pub(crate) fn package() -> &'static Package {
         let bytes = Puppet::small().avatar().to_bytes();
         Package::of(bytes.expect("the synthetic person makes a package"))
     })
+}
+
+/// Another one than [`package`].
+pub(crate) fn another_package() -> Package {
+    let size = PuppetSize {
+        gaussians: 500,
+        ..PuppetSize::SMALL
+    };
+    let bytes = Puppet::new(size).avatar().to_bytes();
+    Package::of(bytes.expect("the synthetic person makes a package"))
 }
 
 pub(crate) fn unix_now() -> u64 {
@@ -116,6 +126,7 @@ pub(crate) fn config(store: StoreConfig) -> Outcome<Config> {
         stun: Vec::new(),
         turn: None,
         tls: None,
+        revoked: None,
         limits: server::Limits::default(),
     })
 }
@@ -155,7 +166,9 @@ impl Caller {
     }
 
     pub(crate) fn owner(&self, name: &str) -> String {
-        self.secret.owner_token(name, unix_now() + 3600)
+        self.secret
+            .owner_token(name, unix_now() + 3600)
+            .expect("random numbers")
     }
 
     pub(crate) fn request(&self, method: Method, path: &str, token: &str) -> RequestBuilder {

@@ -197,7 +197,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let (sent, shown, figures) = std::thread::scope(|scope| {
         let sent = scope.spawn(|| {
             let _over = SetAtEnd(&line.stop);
-            send::perform(&desk, entered.host, performer, None, &line)
+            send::perform(&desk, entered.host, performer, None, &line, None)
         });
         let figures = scope.spawn(|| {
             let _over = SetAtEnd(&line.stop);

@@ -147,7 +147,7 @@ fn show(
     line: &Line,
 ) -> anyhow::Result<(Option<Report>, anyhow::Result<()>)> {
     for room in &options.rooms {
-        network::warn_if_unprotected(room.server());
+        line.check_protection(room.server())?;
     }
     let context = NetworkContext {
         network: line.network.handle(),

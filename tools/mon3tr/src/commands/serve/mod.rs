@@ -1,6 +1,7 @@
 //! `mon3tr serve`: signaling and avatar store for calls.
 
 mod forwarding;
+mod owners;
 
 #[cfg(feature = "operator")]
 mod operator;
@@ -16,12 +17,6 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Owner of the rooms and packages of the server's operator.
-const HOST: &str = "host";
-
-/// An owner's token is good until the secret changes.
-const FOREVER: u64 = u64::MAX;
-
 /// Options of `serve`.
 #[derive(Debug, clap::Args)]
 #[cfg_attr(
@@ -31,9 +26,12 @@ const FOREVER: u64 = u64::MAX;
     )
 )]
 pub struct Options {
-    /// Address and port to listen on; port 0 takes a free one
-    #[arg(long, value_name = "ADDRESS:PORT", default_value = "0.0.0.0:8080")]
+    /// Address and port to listen on; port 0 takes a free one. Without TLS others than this machine are served with --insecure only
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8080")]
     listen: SocketAddr,
+    /// Serve others without TLS: whoever is on the way can read and use links and tokens, though neither see nor hear a call. For a network that you trust
+    #[arg(long)]
+    insecure: bool,
     /// Folder for the server's secret, the owner's token, and packages [default: `server` in the cache folder]
     #[arg(long, value_name = "FOLDER")]
     data: Option<PathBuf>,
@@ -56,9 +54,8 @@ pub struct Options {
     #[cfg(feature = "operator")]
     #[command(flatten)]
     operator: operator::OperatorOptions,
-    /// Print a token for another owner of rooms and packages, and end
-    #[arg(long, value_name = "NAME")]
-    new_owner: Option<String>,
+    #[command(flatten)]
+    tokens: owners::TokenOptions,
 }
 
 /// Where the operator's token is kept, below the data folder; `send` on the same machine finds it there.
@@ -105,19 +102,18 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     let folder = folder(options.data.as_deref())?;
     make_folder(&folder)?;
     let secret = Secret::load_or_create(&folder.join("secret"))?;
-    if let Some(name) = &options.new_owner {
-        println!("{}", secret.owner_token(name, FOREVER));
+    let owners = owners::Owners::new(folder.clone(), secret.clone());
+    if options.tokens.run(&owners)? {
         return Ok(());
     }
-    let token = secret.owner_token(HOST, FOREVER);
-    let token_file = folder.join("owner-token");
-    write_private(&folder, &token_file, &token)
-        .with_context(|| format!("cannot write {}", token_file.display()))?;
+    options.check_protection()?;
+    owners.renew()?;
     let mut config = Config::new(
         options.listen,
         StoreConfig::Local(folder.join("packages")),
         secret,
     );
+    config.revoked = Some(owners.revoked_file());
     config.stun.clone_from(&options.stun);
     config.turn = options.turn.map(|listen| TurnConfig {
         external: options.turn_external,
@@ -152,7 +148,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         }
         println!(
             "the owner's token, which opens rooms and puts avatars, is in {}: keep it to yourself",
-            token_file.display()
+            owners.token_file().display()
         );
         println!(
             "now open a call:\n  mon3tr call --server {scheme}://{address} --avatar PACKAGE.m3a\nor a room, for a sender and its viewers:\n  mon3tr send --server {scheme}://{address} --avatar PACKAGE.m3a"
@@ -164,6 +160,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
             asked = asked_to_end() => asked.context("cannot wait for Ctrl-C")?,
             // It does not end by itself unless something is wrong.
             ended = server.wait() => return ended.context("the server ended"),
+            () = owners.keep_renewed() => {}
         }
         tokio::select! {
             () = server.stop() => {}
@@ -173,19 +170,32 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     })
 }
 
+impl Options {
+    /// That whoever is on the way cannot read what is said to the server, unless the operator wants it so.
+    fn check_protection(&self) -> anyhow::Result<()> {
+        #[cfg(feature = "operator")]
+        let has_tls = self.operator.scheme() == "https";
+        #[cfg(not(feature = "operator"))]
+        let has_tls = false;
+        if has_tls || self.listen.ip().is_loopback() {
+            return Ok(());
+        }
+        anyhow::ensure!(
+            self.insecure,
+            "{} can be reached by others, and without TLS whoever is on the way can read and use their links and tokens: give --tls-cert and --tls-key (mon3tr-dev serve), listen on 127.0.0.1 behind a proxy that has TLS, or give --insecure in a network that you trust",
+            self.listen
+        );
+        log::warn!(
+            "serving without TLS (--insecure): whoever is on the way can read and use links and tokens; motion and voice stay encrypted"
+        );
+        Ok(())
+    }
+}
+
 /// The address under which others find a server that listens on `ip`: where it listens on all, the one that packets to the world leave from.
 fn reachable(ip: IpAddr) -> IpAddr {
     if !ip.is_unspecified() {
         return ip;
     }
     own_address(ip).unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST))
-}
-
-/// Writes a file of `folder` that only this user may read, whatever was there before.
-fn write_private(folder: &Path, path: &Path, text: &str) -> std::io::Result<()> {
-    // Temporary files are their owner's alone.
-    let mut file = tempfile::NamedTempFile::new_in(folder)?;
-    file.write_all(text.as_bytes())?;
-    file.persist(path)?;
-    Ok(())
 }

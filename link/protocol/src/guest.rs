@@ -1,0 +1,200 @@
+//! Guests of a room: each has a link of their own, which says what they are called, until when they may come, and what they may have of the sender. The sender
+//! makes the links by itself, keeps no list of them, and knows its own again (`docs/protocol.md`, "Guests").
+
+use crate::PersonName;
+use data_encoding::BASE64URL_NOPAD;
+use std::fmt;
+use std::str::FromStr;
+
+/// Bytes of a guest's secret.
+const SECRET_BYTES: usize = 16;
+
+/// What a guest may have of the sender.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Rights {
+    /// Their motion.
+    pub see: bool,
+    /// Their voice.
+    pub hear: bool,
+}
+
+impl Rights {
+    /// All there is.
+    pub const ALL: Self = Self {
+        see: true,
+        hear: true,
+    };
+}
+
+impl fmt::Display for Rights {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match (self.see, self.hear) {
+            (true, true) => "sh",
+            (true, false) => "s",
+            (false, true) => "h",
+            (false, false) => "-",
+        })
+    }
+}
+
+impl FromStr for Rights {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (see, hear) = match text {
+            "sh" => (true, true),
+            "s" => (true, false),
+            "h" => (false, true),
+            _ => return Err("a guest's rights that are none".to_owned()),
+        };
+        Ok(Self { see, hear })
+    }
+}
+
+/// What a sender says of a guest. Its text is `NAME.EXPIRES.RIGHTS`, the name in base64url.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Guest {
+    /// What the sender calls them.
+    pub name: PersonName,
+    /// Until when they are let in, Unix seconds by the sender's clock.
+    pub expires: u64,
+    /// What they may have.
+    pub rights: Rights,
+}
+
+impl fmt::Display for Guest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = BASE64URL_NOPAD.encode(self.name.as_str().as_bytes());
+        write!(f, "{name}.{}.{}", self.expires, self.rights)
+    }
+}
+
+impl FromStr for Guest {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || "a guest's name, time or rights are wrong".to_owned();
+        let mut parts = text.split('.');
+        let (Some(name), Some(expires), Some(rights), None) =
+            (parts.next(), parts.next(), parts.next(), parts.next())
+        else {
+            return Err(wrong());
+        };
+        let name = BASE64URL_NOPAD.decode(name.as_bytes()).ok();
+        let name = name.and_then(|name| String::from_utf8(name).ok());
+        // One text for each guest: digits only, and no zero before them.
+        let is_number = expires.bytes().all(|b| b.is_ascii_digit()) && !expires.starts_with('0');
+        let guest = Self {
+            name: name.and_then(|name| name.parse().ok()).ok_or_else(wrong)?,
+            expires: (expires.parse().ok())
+                .filter(|_| is_number)
+                .ok_or_else(wrong)?,
+            rights: rights.parse()?,
+        };
+        // A name is written in one way only, too.
+        (guest.to_string() == text)
+            .then_some(guest)
+            .ok_or_else(wrong)
+    }
+}
+
+/// What proves that someone has a guest's link. Its `Debug` hides it.
+#[derive(Clone, PartialEq, Eq)]
+pub struct GuestSecret([u8; SECRET_BYTES]);
+
+impl GuestSecret {
+    /// Of these bytes, which the sender makes.
+    #[must_use]
+    pub fn new(bytes: [u8; SECRET_BYTES]) -> Self {
+        Self(bytes)
+    }
+
+    /// The key for what is proved with it. It must not appear in a log or a message.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8; SECRET_BYTES] {
+        &self.0
+    }
+}
+
+impl fmt::Debug for GuestSecret {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("...")
+    }
+}
+
+/// What a guest's link has of them: `GUEST.SECRET`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct GuestPass {
+    /// Who they are.
+    pub guest: Guest,
+    /// What proves it.
+    pub secret: GuestSecret,
+}
+
+impl GuestPass {
+    /// Its text, which must not appear in a log.
+    pub(crate) fn text(&self) -> String {
+        format!(
+            "{}.{}",
+            self.guest,
+            BASE64URL_NOPAD.encode(self.secret.bytes())
+        )
+    }
+}
+
+impl FromStr for GuestPass {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (guest, secret) = text.rsplit_once('.').ok_or("a guest's secret is missing")?;
+        let secret = BASE64URL_NOPAD.decode(secret.as_bytes()).ok();
+        let secret = secret.and_then(|secret| secret.try_into().ok());
+        Ok(Self {
+            guest: guest.parse()?,
+            secret: secret
+                .map(GuestSecret)
+                .ok_or("a guest's secret is too short or too long")?,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_guest_is_read_as_written_and_in_no_other_way() {
+        let pass = GuestPass {
+            guest: Guest {
+                name: "Zo\u{eb} \u{1f33b}".parse().expect("a name"),
+                expires: 1_900_000_000,
+                rights: Rights {
+                    see: true,
+                    hear: false,
+                },
+            },
+            secret: GuestSecret::new([7; SECRET_BYTES]),
+        };
+        let text = pass.text();
+        assert_eq!(
+            text, "Wm_DqyDwn4y7.1900000000.s.BwcHBwcHBwcHBwcHBwcHBw",
+            "python3: base64.urlsafe_b64encode"
+        );
+        assert_eq!(text.parse::<GuestPass>(), Ok(pass.clone()));
+        assert!(!format!("{pass:?}").contains("Bwc"), "no secret is shown");
+        for wrong in [
+            "",
+            "Wm_DqyDwn4y7.1900000000.s",
+            "Wm_DqyDwn4y7.1900000000.s.Bwc",
+            "Wm_DqyDwn4y7.01900000000.s.BwcHBwcHBwcHBwcHBwcHBw",
+            "Wm_DqyDwn4y7.+1900000000.s.BwcHBwcHBwcHBwcHBwcHBw",
+            "Wm_DqyDwn4y7.1900000000.-.BwcHBwcHBwcHBwcHBwcHBw",
+            "Wm_DqyDwn4y7.1900000000.s.s.BwcHBwcHBwcHBwcHBwcHBw",
+            // A name that steers the terminal, and one with blanks about it.
+            "G1sySg.1900000000.s.BwcHBwcHBwcHBwcHBwcHBw",
+            "IEFkYSA.1900000000.s.BwcHBwcHBwcHBwcHBwcHBw",
+        ] {
+            assert!(wrong.parse::<GuestPass>().is_err(), "{wrong}");
+        }
+    }
+}
