@@ -98,9 +98,6 @@ mod tests {
         let again: RoomLink = theirs.to_string().parse().expect("a guest's link");
         assert_eq!(again, theirs);
         let offer = line(&theirs, "fingerprints");
-        let read = |own: Option<&Credentials>, room: &RoomLink, text: &str, offer: &str| {
-            super::read(own, room, text, offer)
-        };
         let known = read(Some(&ada), &room("r"), "fingerprints", &offer);
         assert_eq!(known.expect("known"), Some(bob(9)));
         // By another sender, in another room, on another connection, for longer.

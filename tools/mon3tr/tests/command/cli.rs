@@ -252,3 +252,15 @@ fn bake_without_its_raw_material_says_where_it_comes_from() {
     outcome.fails_naming(&["MakeHuman", "./run"]);
     mon3tr(&["bake", "--gaussians", "7"]).fails_naming(&["7", "20"]);
 }
+
+#[test]
+fn insecure_servers_are_refused_unless_they_are_wanted() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let data = text(folder.path());
+    let listen = ["serve", "--listen", "0.0.0.0:0", "--data", data];
+    mon3tr(&listen).fails_naming(&["0.0.0.0", "without TLS", "--insecure"]);
+    // Of the addresses that documents use: nobody is there.
+    let link = "http://203.0.113.9:9/rooms/r#token";
+    let receive = ["receive", link, "--display", "none", "--seconds", "1"];
+    mon3tr(&receive).fails_naming(&["http://203.0.113.9:9", "without TLS", "--insecure"]);
+}
