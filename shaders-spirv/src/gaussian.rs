@@ -40,6 +40,9 @@ pub(crate) const SCALE_END: f32 = 8.0;
 /// Greatest step of one of the quaternion's numbers, which lie in -1/sqrt(2) ..= 1/sqrt(2); 15 bits, even so that 0 is one of the steps.
 pub(crate) const ROTATION_MOST: f32 = 32_766.0;
 
+/// `log2` of the largest standard deviation of a person's Gaussians, metres: larger ones are held at it where they are interpolated; in the shader too.
+pub const LOG2_MOST_SCALE: f32 = -1.0;
+
 /// The least half that is not subnormal.
 pub(crate) const HALF_LEAST: f32 = 6.103_515_6e-5;
 /// The greatest half.
