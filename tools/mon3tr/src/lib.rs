@@ -9,6 +9,7 @@ pub mod commands;
 mod composed;
 mod controls;
 pub mod device_options;
+mod ending;
 pub mod film;
 mod flat;
 mod gaze;
