@@ -8,7 +8,7 @@ layout(local_size_x_id = 0) in;
 void main() {
     uint lane = gl_GlobalInvocationID.x;
     uint view = gl_GlobalInvocationID.y;
-    if (lane >= frame.lane_count) return;
+    if (lane >= frame.lane_count || state.refused != 0u) return;
     uint row = (view * frame.lane_count + lane) * tile_count();
     uvec2 run = lane_run(lane);
     for (uint i = run.x; i < run.y; ++i) {

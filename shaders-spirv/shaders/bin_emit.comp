@@ -11,7 +11,7 @@ layout(set = 0, binding = 6, std430) writeonly buffer Pairs { uint pairs[]; };
 void main() {
     uint lane = gl_GlobalInvocationID.x;
     uint view = gl_GlobalInvocationID.y;
-    if (lane >= frame.lane_count) return;
+    if (lane >= frame.lane_count || state.refused != 0u) return;
     // Too many for the list: the host reads this total too, grows the list and draws again.
     if (tile_starts[frame.view_count * tile_count()] > frame.pair_capacity) return;
     uint row = (view * frame.lane_count + lane) * tile_count();

@@ -71,6 +71,9 @@ void main() {
     now.position = from.position + (to.position - from.position) * params.share;
     now.rotation = slerp(from.rotation, to.rotation, params.share);
     now.log2_scale = from.log2_scale + (to.log2_scale - from.log2_scale) * params.share + log2_growth;
+    // As the host does (app/kernels/src/interpolate.rs). What is out of the layout's range stays so, and is not drawn.
+    vec3 held = min(now.log2_scale, vec3(LOG2_MOST_SCALE));
+    now.log2_scale = mix(held, now.log2_scale, greaterThanEqual(now.log2_scale, vec3(SCALE_END)));
     now.opacity = from.opacity + (to.opacity - from.opacity) * params.share;
     now.colour = from.colour + (to.colour - from.colour) * params.share;
     gaussians[index] = packed(now);

@@ -5,6 +5,7 @@
 const float SCALE_STEPS = 2048.0;
 const float SCALE_LEAST = -24.0;
 const float SCALE_END = 8.0;
+const float LOG2_MOST_SCALE = -1.0; // of a person's Gaussians
 const float ROTATION_MOST = 32766.0;
 const float OPACITY_MOST = 65535.0;
 const float SQRT_HALF = 0.7071067811865476;

@@ -14,15 +14,33 @@ layout(push_constant) uniform PartParams {
     uint first;              // the part's first Gaussian among the foreground
     uint count;
     uint source;             // and in the buffer it is read from
+    uint number;             // for which its tiles are counted
 } part;
 
 layout(set = 0, binding = 7, std430) readonly buffer Gaussians { PackedGaussian gaussians[]; };
+#define COSTS_BINDING 8
+#include "costs.glsl"
+
+uint tiles_of(uint rect) {
+    if (rect == EMPTY_RECT) return 0u;
+    return (((rect >> 16) & 255u) - (rect & 255u) + 1u) * ((rect >> 24) - ((rect >> 8) & 255u) + 1u);
+}
+
+// All invocations of the subgroup call this together.
+void count_pairs(uint tiles) {
+    uint sum = subgroupAdd(tiles);
+    if (sum > 0u && subgroupElect()) {
+        uint before = atomicAdd(costs.pairs[2u * part.number], sum);
+        if (before + sum < before) atomicAdd(costs.pairs[2u * part.number + 1u], 1u);
+    }
+}
 
 void main() {
     uint local = gl_GlobalInvocationID.x;
     uint index = part.first + local;
     bool kept = false;
     uint depth = 0u;
+    uint tiles = 0u;
     if (local < part.count) {
         PackedGaussian g = gaussians[part.source + local];
         vec4 p = vec4(uintBitsToFloat(g.low.xyz), 1.0);
@@ -55,6 +73,8 @@ void main() {
         }
         rects[index] = rect_0;
         if (frame.view_count > 1u) rects[frame.total_count + index] = rect_1;
+        tiles = tiles_of(rect_0) + tiles_of(rect_1);
     }
+    count_pairs(tiles);
     collect(index, kept, depth, true);
 }

@@ -27,7 +27,7 @@ void main() {
     offset = vec2(0.0);
     colour_depth = vec4(0.0);
     log2_opacity = 0.0;
-    if (place >= state.count) return;
+    if (place >= state.count || state.refused != 0u) return;
     uint index = order[state.count - 1u - place];
     uint view = uint(gl_ViewIndex);
     if (rects[view * frame.total_count + index] == EMPTY_RECT) return;

@@ -19,4 +19,6 @@ layout(set = 0, binding = STATE_BINDING, std430) STATE_ACCESS buffer State {
     uint items_groups[3];
     uint crowded_groups[3];
     uint draw[5];
+    // Written by weigh.comp for each picture: 1 where nothing may be drawn.
+    uint refused;
 } state;

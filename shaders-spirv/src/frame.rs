@@ -66,6 +66,8 @@ pub struct PartParams {
     pub count: u32,
     /// Where the first lies in the buffer they are read from.
     pub source: u32,
+    /// The part's number, for which its tiles are counted.
+    pub number: u32,
 }
 
 /// A Gaussian as one view sees it, 32 bytes; `Splat` in `shaders/frame.glsl`, written and read by the GPU alone.
@@ -118,6 +120,8 @@ pub struct SortState {
     pub crowded_groups: [u32; 3],
     /// `VkDrawIndexedIndirectCommand` of the quads.
     pub draw: [u32; 5],
+    /// 1 where the foreground covers too many tiles and nothing may be drawn.
+    pub refused: u32,
 }
 
 impl SortState {
@@ -135,5 +139,6 @@ impl SortState {
         items_groups: [0; 3],
         crowded_groups: [0; 3],
         draw: [0; 5],
+        refused: 0,
     };
 }

@@ -36,9 +36,12 @@ pub(crate) const SCALE_STEPS: f32 = 2048.0;
 /// `log2(scale)` of the least scale, 60 nm; `SCALE_LEAST` in the shader.
 pub(crate) const SCALE_LEAST: f32 = -24.0;
 /// `log2(scale)` that no scale reaches: 256 m.
-pub(crate) const SCALE_END: f32 = 8.0;
+pub const LOG2_SCALE_END: f32 = 8.0;
 /// Greatest step of one of the quaternion's numbers, which lie in -1/sqrt(2) ..= 1/sqrt(2); 15 bits, even so that 0 is one of the steps.
 pub(crate) const ROTATION_MOST: f32 = 32_766.0;
+
+/// `log2` of the largest standard deviation of a person's Gaussians, metres: larger ones are held at it where they are interpolated; in the shader too.
+pub const LOG2_MOST_SCALE: f32 = -1.0;
 
 /// The least half that is not subnormal.
 pub(crate) const HALF_LEAST: f32 = 6.103_515_6e-5;
@@ -66,7 +69,7 @@ impl PackedGaussian {
         // Sums and differences of anything that is not finite are not finite: one test for all.
         let sum = position.iter().chain(&colour).sum::<f32>() + opacity + length;
         let drawn =
-            sum.is_finite() && length > 0.0 && log2_scale.iter().all(|log| *log < SCALE_END);
+            sum.is_finite() && length > 0.0 && log2_scale.iter().all(|log| *log < LOG2_SCALE_END);
         if !drawn {
             return Self::zeroed();
         }

@@ -5,7 +5,7 @@
 //! processor's vectors (`fearless_simd::dispatch`).
 
 use crate::gaussian::{
-    HALF_LEAST, HALF_MOST, HALF_REBIAS, HALF_STEP, PackedGaussian, ROTATION_MOST, SCALE_END,
+    HALF_LEAST, HALF_MOST, HALF_REBIAS, HALF_STEP, LOG2_SCALE_END, PackedGaussian, ROTATION_MOST,
     SCALE_LEAST, SCALE_STEPS,
 };
 use fearless_simd::prelude::*;
@@ -78,9 +78,9 @@ impl<S: Simd> GaussianLanes<S> {
         let [sx, sy, sz] = self.log2_scale;
         let drawn = sum.is_finite()
             & length.simd_gt(0.0)
-            & sx.simd_lt(SCALE_END)
-            & sy.simd_lt(SCALE_END)
-            & sz.simd_lt(SCALE_END);
+            & sx.simd_lt(LOG2_SCALE_END)
+            & sy.simd_lt(LOG2_SCALE_END)
+            & sz.simd_lt(LOG2_SCALE_END);
 
         let inverse_length = S::f32s::splat(simd, 1.0) / length.sqrt();
         let unit = [

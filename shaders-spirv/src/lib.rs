@@ -14,7 +14,9 @@ mod gaussian_lanes;
 pub use alpha_cut::ALPHA_CUT;
 pub use eye::{EyeParams, EyeView};
 pub use frame::{FrameParams, PartParams, SortState, Splat, ViewParams};
-pub use gaussian::{Gaussian, PackedGaussian, quantised, smallest_three};
+pub use gaussian::{
+    Gaussian, LOG2_MOST_SCALE, LOG2_SCALE_END, PackedGaussian, quantised, smallest_three,
+};
 pub use gaussian_lanes::GaussianLanes;
 
 /// One compiled shader. Its entry point is `main`.

@@ -138,9 +138,10 @@ fn a_parts_push_constants_lie_as_the_shader_reads_them() {
             first: first,
             count: count,
             source: source,
+            number: number,
         }
     );
-    assert_eq!(size_of::<PartParams>(), 60, "bytes pushed");
+    assert_eq!(size_of::<PartParams>(), 64, "bytes pushed");
 }
 
 #[test]
@@ -194,6 +195,7 @@ fn the_sort_state_lies_as_the_shaders_read_it() {
         shaders_spirv::PROJECT_FOREGROUND,
         shaders_spirv::SORT_PLAN,
         shaders_spirv::SORT_RANK,
+        shaders_spirv::WEIGH,
         shaders_spirv::QUAD_VERT,
     ] {
         assert_layout!(
@@ -211,6 +213,7 @@ fn the_sort_state_lies_as_the_shaders_read_it() {
                 items_groups: items_groups,
                 crowded_groups: crowded_groups,
                 draw: draw,
+                refused: refused,
             }
         );
     }

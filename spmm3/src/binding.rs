@@ -4,6 +4,7 @@
 //! the frame: the coarse position follows the mesh, and the network's residuals (F_attr) refine it within the frame, so
 //! that a learned wrinkle turns with the arm it is on.
 
+use crate::cost::held_log_scale;
 use crate::{ATTRIBUTES, GaussianSet, PersonError, Template, attribute};
 use glam::{Mat3, Quat, Vec3};
 use half::f16;
@@ -134,13 +135,19 @@ impl BoundGaussians {
         Self::new(template, triangles, barycentrics, attributes)
     }
 
-    /// These Gaussians as an avatar package keeps them: attributes and barycentrics rounded to half precision.
+    /// These Gaussians as an avatar package keeps them: attributes and barycentrics rounded to half precision, standard deviations held at
+    /// [`crate::MOST_SCALE`].
     ///
     /// The relative error is 2^-11: 0.0005 of a 1 mm offset, 0.0025 of a log-scale of -5, 10 um on a 2 cm edge. Fit
     /// networks against the rounded Gaussians, so that they see what the receiver sees.
     #[must_use]
     pub fn quantised(mut self) -> Self {
         let round = |value: &mut f32| *value = f16::from_f32(*value).to_f32();
+        let count = self.len();
+        let scales = attribute::LOG_SCALE.start * count..attribute::LOG_SCALE.end * count;
+        if let Some(scales) = self.attributes.get_mut(scales) {
+            (scales.iter_mut()).for_each(|value| *value = held_log_scale(*value));
+        }
         self.attributes.iter_mut().for_each(round);
         self.barycentrics
             .as_flattened_mut()

@@ -31,6 +31,7 @@ mod binding;
 mod clip;
 mod closest;
 mod controllers;
+mod cost;
 mod error;
 mod expression;
 mod gaussians;
@@ -52,6 +53,7 @@ pub use clip::{
 };
 pub use closest::shares_of_closest;
 pub use controllers::{Controllers, NEIGHBOURS};
+pub use cost::{CostError, MOST_SCALE, MOST_TILES};
 pub use error::PersonError;
 pub use expression::{ExpressionPreset, Expressions};
 pub use gaussians::{ATTRIBUTES, GaussianSet, SH_C0, attribute};

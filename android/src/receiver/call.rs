@@ -25,6 +25,7 @@ use link_playout::Clock;
 use link_protocol::RoomLink;
 use link_voice::VoiceQueue;
 use spmm3::Avatar;
+use spmm3::package::PackageLimits;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::thread::available_parallelism;
@@ -205,8 +206,10 @@ fn wait_and_fetch(
     let path = path.context("cannot fetch the avatar")?;
     let package = packages.in_use(&announced.avatar.sha256)?;
     notice(board, "One moment", ["Getting ready ...".to_owned()]);
-    let avatar = in_own_pool("package", || Avatar::load(&path))?
-        .with_context(|| format!("cannot use the avatar package {}", path.display()))?;
+    let avatar = in_own_pool("package", || {
+        Avatar::load_within(&path, &PackageLimits::OTHERS)
+    })?
+    .with_context(|| format!("cannot use the avatar package {}", path.display()))?;
     Ok(Some(FetchedPerson {
         participant: Participant {
             avatar: Arc::new(avatar),

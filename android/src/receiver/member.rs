@@ -35,6 +35,7 @@ use link_voice::VoiceQueue;
 use motion_fit::wearer::Stance;
 use sender::{Desk, Place};
 use spmm3::Avatar;
+use spmm3::package::PackageLimits;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
@@ -376,8 +377,10 @@ impl Member<'_> {
         let path: PathBuf = path.context("cannot fetch the avatar")?;
         // Until it is loaded it is not removed for the room that others need.
         let _held = self.packages.in_use(&announced.avatar.sha256)?;
-        let avatar = in_own_pool("package", || Avatar::load(&path))?
-            .with_context(|| format!("cannot use the avatar package {}", path.display()))?;
+        let avatar = in_own_pool("package", || {
+            Avatar::load_within(&path, &PackageLimits::OTHERS)
+        })?
+        .with_context(|| format!("cannot use the avatar package {}", path.display()))?;
         Ok(Some(Arc::new(avatar)))
     }
 

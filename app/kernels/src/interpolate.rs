@@ -10,7 +10,7 @@ use crate::KernelError;
 use crate::state::{GaussianState, STATE_PLANES, plane};
 use bytemuck::Zeroable;
 use fearless_simd::{Level, dispatch, prelude::*};
-use shaders_spirv::{GaussianLanes, PackedGaussian};
+use shaders_spirv::{GaussianLanes, LOG2_MOST_SCALE, LOG2_SCALE_END, PackedGaussian};
 use std::ops::Range;
 
 /// Furthest that a display time may lie beyond the newer state, in periods of the motion.
@@ -133,8 +133,7 @@ impl<'a> Blend<'a> {
                 covered = index..index + lanes;
                 let mut lanes = self.lanes(simd, &planes, index);
                 let growth = load(simd, detail.log2_growth(), index);
-                let [x, y, z] = lanes.log2_scale;
-                lanes.log2_scale = [x + growth, y + growth, z + growth];
+                lanes.log2_scale = held(simd, lanes.log2_scale.map(|log2| log2 + growth));
                 lanes.pack(simd, packed);
             }
             *out = packed[index - covered.start];
@@ -170,7 +169,7 @@ impl<'a> Blend<'a> {
         GaussianLanes {
             position: planes.lerp_three(simd, plane::POSITION.start, at),
             rotation: self.rotation.slerp(simd, a, b),
-            log2_scale: planes.lerp_three(simd, plane::LOG2_SCALE.start, at),
+            log2_scale: held(simd, planes.lerp_three(simd, plane::LOG2_SCALE.start, at)),
             opacity: planes.lerp(simd, plane::OPACITY, at),
             colour: planes.lerp_three(simd, plane::COLOUR.start, at),
         }
@@ -204,6 +203,18 @@ impl Planes<'_> {
             self.lerp(simd, first + 2, at),
         ]
     }
+}
+
+/// No larger than a person's Gaussians may be, whatever networks and extrapolation make of them. What is out of the packed layout's range, or no number,
+/// stays so, and is not drawn.
+#[inline(always)]
+fn held<S: Simd>(simd: S, log2_scale: [S::f32s; 3]) -> [S::f32s; 3] {
+    let most = S::f32s::splat(simd, LOG2_MOST_SCALE);
+    let end = S::f32s::splat(simd, LOG2_SCALE_END);
+    log2_scale.map(|log2| {
+        let within = log2.simd_lt(end).select(most, log2);
+        log2.simd_gt(most).select(within, log2)
+    })
 }
 
 #[inline(always)]

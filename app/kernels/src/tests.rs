@@ -6,7 +6,7 @@ use crate::state::{GaussianState, STATE_PLANES, StateChange, plane};
 use bytemuck::Zeroable;
 use fearless_simd::Level;
 use glam::Vec3;
-use shaders_spirv::PackedGaussian;
+use shaders_spirv::{LOG2_MOST_SCALE, PackedGaussian};
 use spmm3::{ATTRIBUTES, GaussianSet, MotionParams, PlanarVertices, SH_C0, SkinningTransforms};
 use synthetic_person::reference;
 use synthetic_person::{Puppet, PuppetSize, Random};
@@ -609,6 +609,32 @@ fn a_gaussian_with_nan_in_either_state_is_never_drawn() {
                     assert_ne!(packed[8], PackedGaussian::zeroed(), "its neighbour");
                 }
             }
+        }
+    }
+}
+
+#[test]
+fn gaussians_are_no_larger_than_a_persons_between_two_states_and_beyond() {
+    assert_eq!(LOG2_MOST_SCALE.exp2(), spmm3::MOST_SCALE, "one bound");
+    let count = 64;
+    let from = likely_state(count, 8);
+    let mut to = from.clone();
+    // 4 m on the way to it, 90 m beyond.
+    to.plane_mut(plane::LOG2_SCALE.start)[9] = 3.0;
+    let detail = Detail::new(count, (0..64).collect(), &[0.5; 64]).expect("all of them");
+    for level in levels() {
+        for (share, grows) in [(0.9, false), (1.35, false), (0.9, true)] {
+            let blend = Blend::new(&from, &to, share)
+                .expect("one length")
+                .at_level(level);
+            let mut packed = pack(&blend, count);
+            if grows {
+                blend.pack_kept(&detail, &mut packed).expect("as many");
+            }
+            let got = packed[9].unpacked().scale[0];
+            assert!((got - spmm3::MOST_SCALE).abs() < 1e-3, "{got} m at {share}");
+            let small = packed[8].unpacked().scale[0];
+            assert!(small < 0.2, "its neighbour: {small} m");
         }
     }
 }

@@ -3,7 +3,7 @@
 use crate::call::CallWatch;
 use crate::participant::{CallReport, PersonSource};
 use app_pipeline::error::ReceiverError;
-use app_pipeline::lanes::{FinishedPerson, PausableSource};
+use app_pipeline::lanes::{FinishedPerson, LeftOut, PausableSource};
 use app_pipeline::placement::PlacementReport;
 use app_pipeline::profile::Collector;
 use link_voice::VoiceQueue;
@@ -30,6 +30,8 @@ pub struct PersonReport {
     pub call: Option<CallReport>,
     /// What ended a lane of theirs: from then on they were not shown.
     pub error: Option<ReceiverError>,
+    /// Why pictures were drawn without them, if any were.
+    pub left_out: Option<LeftOut>,
     /// What was counted and told of the call, which tells whose report this is.
     pub watch: Option<CallWatch>,
     /// What ran where.
@@ -51,6 +53,7 @@ impl PersonReport {
         Self {
             call: (finished.source).and_then(|source| motion(source).end()),
             error: finished.error,
+            left_out: finished.left_out,
             watch,
             placement,
             collector: finished.collector,

@@ -3,6 +3,8 @@
 use super::PackageError;
 use super::archive::Archive;
 use super::compiled::{self, check_entries};
+use super::error::GRAPH;
+use super::limits::PackageLimits;
 use super::manifest::{MANIFEST, Manifest, VERSION};
 use super::members::{self, MEMBERS};
 use super::signed::{self, SIGNATURE};
@@ -83,9 +85,18 @@ impl Avatar {
     /// Reads the package at `path`.
     ///
     /// # Errors
-    /// If the file cannot be read, or anything in it is not as the manifest says; nothing of it is used then.
+    /// If the file cannot be read, or anything in it is not as the manifest says; nothing of it is used then. [`PackageError::Cost`] if those who look at the
+    /// person could not draw them in time.
     pub fn load(path: &Path) -> Result<Self, PackageError> {
-        Self::read(open(path)?)
+        Self::load_within(path, &PackageLimits::OWN)
+    }
+
+    /// As [`Self::load`], of a package that may be so large.
+    ///
+    /// # Errors
+    /// [`PackageError::TooLarge`] before anything is unpacked; or as [`Self::load`].
+    pub fn load_within(path: &Path, limits: &PackageLimits) -> Result<Self, PackageError> {
+        Self::read_within(open(path)?, limits)
     }
 
     /// Reads a package.
@@ -93,14 +104,27 @@ impl Avatar {
     /// # Errors
     /// As [`Self::load`].
     pub fn read(reader: impl Read + Seek) -> Result<Self, PackageError> {
+        Self::read_within(reader, &PackageLimits::OWN)
+    }
+
+    /// As [`Self::load_within`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn read_within(
+        reader: impl Read + Seek,
+        limits: &PackageLimits,
+    ) -> Result<Self, PackageError> {
         let mut archive = Archive::open(reader)?;
         let manifest = Manifest::from_archive(&mut archive)?;
+        manifest.check_within(limits)?;
         let expression_basis = manifest.basis();
         let expressions = manifest.presets()?;
         let pose_range = manifest.range()?;
         let (skeleton, template) = members::unpack_template(&mut archive, &manifest)?;
         let (gaussians, importance) =
             members::unpack_gaussians(&mut archive, &manifest, &template)?;
+        gaussians.check_cost().map_err(PackageError::Cost)?;
         let controllers = members::unpack_controllers(&mut archive, &manifest, &template)?;
         let deform_graph = members::unpack_graph(&mut archive, &manifest, &template, &controllers)?;
         let compiled = if manifest.compiled.is_empty() {
@@ -136,6 +160,23 @@ impl Manifest {
     /// If the file cannot be read, is no package, or its manifest is broken or newer than this program.
     pub fn load(path: &Path) -> Result<Self, PackageError> {
         Self::from_archive(&mut Archive::open(open(path)?)?)
+    }
+
+    /// Refuses what is larger than the limits. What members really hold is at most what the manifest says of each, or they are refused.
+    fn check_within(&self, limits: &PackageLimits) -> Result<(), PackageError> {
+        let graph = self.member(GRAPH).map_or(0, |member| member.bytes);
+        let all = (self.members.iter()).fold(0u64, |sum, member| sum.saturating_add(member.bytes));
+        let gaussians = self.counts.gaussians as u64;
+        for (what, has, limit) in [
+            ("Gaussians", gaussians, limits.gaussians as u64),
+            ("bytes of networks", graph, limits.graph_bytes),
+            ("bytes", all, limits.bytes),
+        ] {
+            if has > limit {
+                return Err(PackageError::TooLarge { what, has, limit });
+            }
+        }
+        Ok(())
     }
 
     /// Reads the manifest and checks that the archive holds what it lists and nothing else.

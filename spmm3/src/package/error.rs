@@ -1,7 +1,7 @@
 //! What can be wrong with an avatar package.
 
-use crate::PersonError;
 use crate::networks::GraphRefused;
+use crate::{CostError, PersonError};
 use std::path::PathBuf;
 
 /// The member that holds the deform graph.
@@ -58,6 +58,21 @@ pub enum PackageError {
         /// What is wrong with it.
         reason: String,
     },
+    /// The package is larger than one of its kind may be.
+    #[error(
+        "the avatar has {has} {what}, and that of another person may have {limit}, so that it does not fill this device: its owner can build a smaller one"
+    )]
+    TooLarge {
+        /// What there is too much of.
+        what: &'static str,
+        /// How much it has.
+        has: u64,
+        /// How much it may have.
+        limit: u64,
+    },
+    /// Nobody who looks at the person could draw them in time.
+    #[error(transparent)]
+    Cost(CostError),
     /// A member's numbers contradict each other.
     #[error("package member {member} contradicts itself")]
     Contents {

@@ -15,6 +15,7 @@ mod avatar;
 mod compiled;
 mod error;
 mod graph;
+mod limits;
 mod manifest;
 mod members;
 mod signed;
@@ -25,6 +26,7 @@ pub use archive::{MAX_BYTES, MAX_MEMBERS};
 pub use avatar::Avatar;
 pub use compiled::{MAX_COMPILED, MAX_COMPILED_BYTES};
 pub use error::PackageError;
+pub use limits::PackageLimits;
 pub use manifest::{
     CompiledEntry, Counts, ExpressionEntry, FORMAT, MAX_CONTROLLERS, MAX_FACES, MAX_GAUSSIANS,
     MAX_VERTICES, Manifest, MemberEntry, TensorEntry, VERSION,

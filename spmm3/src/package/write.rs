@@ -168,7 +168,8 @@ fn pack_template(avatar: &Avatar) -> Result<Packed, PackageError> {
 }
 
 fn pack_gaussians(avatar: &Avatar) -> Result<Packed, PackageError> {
-    let attributes = halves(avatar.gaussians.attributes());
+    let kept = avatar.gaussians.clone().quantised();
+    let attributes = halves(kept.attributes());
     let count = avatar.gaussians.len();
     let writer = Writer::new(GAUSSIANS).add("attributes", &[ATTRIBUTES, count], &attributes)?;
     let Some(importance) = &avatar.importance else {

@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod body;
+pub mod hostile;
 mod networks;
 mod random;
 pub mod real_files;

@@ -3,6 +3,7 @@
 
 mod archives;
 mod contents;
+mod costs;
 mod graphs;
 mod parts;
 
@@ -128,6 +129,8 @@ fn three_hundred_broken_packages_are_refused_and_none_takes_a_gigabyte() {
     graphs::graphs_of_their_own(&mut court, &parts);
     archives::wrong_archives(&mut court, &package, &parts);
     archives::bombs(&mut court, &parts);
+    costs::dear_packages(&mut court);
+    costs::packages_of_others(&mut court, &parts);
 
     println!(
         "{} broken packages, {} of them harmless; at most {:.1} MiB held",

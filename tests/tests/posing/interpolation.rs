@@ -4,6 +4,7 @@ use crate::binding::{TURNED, matrix_distance};
 use crate::person::{PUPPET, Pose, mesh_of};
 use renderer_splat::gaussian::Gaussian;
 use renderer_splat::posing::{DetailLevel, Poser};
+use synthetic_person::hostile::inflated;
 use synthetic_person::reference::{self as reference, M3};
 use test_support::vulkan::{assert_silent, gpu};
 
@@ -195,5 +196,21 @@ fn a_level_of_detail_holds_the_gaussians_of_its_list_grown() {
         poser.interpolate(from, to, 0.3).expect("two states") == all,
         "all again"
     );
+    assert_silent(&gpu);
+}
+
+#[test]
+fn the_device_holds_gaussians_at_the_largest_size_of_a_person() {
+    let Some(gpu) = gpu() else { return };
+    let mut puppet = synthetic_person::Puppet::small();
+    puppet.gaussians = inflated(&puppet.template, &puppet.gaussians, 3.0);
+    let mut poser = Poser::new(&gpu, &mesh_of(&puppet)).expect("the puppet fits");
+    let pose = Pose::random(&puppet, 41);
+    let from = poser.push_state(&pose.input()).expect("a pose");
+    for gaussian in poser.interpolate(from, from, 0.5).expect("two states") {
+        for metres in gaussian.unpacked().scale {
+            assert!((metres - spmm3::MOST_SCALE).abs() < 1e-3, "{metres} m");
+        }
+    }
     assert_silent(&gpu);
 }

@@ -3,6 +3,7 @@
 //! Every test runs with the validation layer on and demands that it stays silent.
 
 mod background;
+mod costs;
 mod device;
 mod edges;
 mod filter_and_depth;

@@ -10,6 +10,7 @@ mod composed;
 mod controls;
 pub mod device_options;
 mod doorkeeper;
+mod ending;
 pub mod film;
 mod flat;
 mod gaze;

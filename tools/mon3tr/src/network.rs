@@ -1,5 +1,6 @@
 //! What `send` and `receive` share: the network's threads, the server's certificate, and Ctrl-C.
 
+use crate::ending;
 use anyhow::Context;
 use link_http::Client;
 use link_playout::Clock;
@@ -38,35 +39,51 @@ impl Network {
 
     /// Becomes true on Ctrl-C or when the process is asked to end. A second Ctrl-C ends it at once.
     pub fn stop_on_signal(&self) -> Arc<AtomicBool> {
+        self.on_signal(|_| {})
+    }
+
+    /// The same of a call, which is not waited for: the process ends soon, whatever it does ([`crate::ending`]).
+    pub(crate) fn end_on_signal(&self) -> Arc<AtomicBool> {
+        self.on_signal(ending::end_soon)
+    }
+
+    fn on_signal(&self, asked: fn(i32)) -> Arc<AtomicBool> {
         let stop = Arc::new(AtomicBool::new(false));
         let set = Arc::clone(&stop);
         self.0.spawn(async move {
-            if let Err(error) = asked_to_end().await {
-                log::warn!("Ctrl-C ends this without goodbye: {error}");
-                return;
+            match asked_to_end().await {
+                Ok(status) => {
+                    set.store(true, Relaxed);
+                    asked(status);
+                }
+                Err(error) => {
+                    log::warn!("Ctrl-C ends this without goodbye: {error}");
+                    return;
+                }
             }
-            set.store(true, Relaxed);
-            if asked_to_end().await.is_ok() {
-                std::process::exit(130);
+            if let Ok(status) = asked_to_end().await {
+                ending::end_now(status);
             }
         });
         stop
     }
 }
 
-/// Waits for Ctrl-C or SIGTERM.
-pub(crate) async fn asked_to_end() -> std::io::Result<()> {
+/// Waits for Ctrl-C or SIGTERM; the status that shells give a process which one of them ended.
+pub(crate) async fn asked_to_end() -> std::io::Result<i32> {
+    const INTERRUPTED: i32 = 130;
     #[cfg(unix)]
     {
         use tokio::signal::unix::{SignalKind, signal};
+        const TERMINATED: i32 = 143;
         let mut terminate = signal(SignalKind::terminate())?;
         tokio::select! {
-            outcome = tokio::signal::ctrl_c() => outcome,
-            _ = terminate.recv() => Ok(()),
+            outcome = tokio::signal::ctrl_c() => outcome.map(|()| INTERRUPTED),
+            _ = terminate.recv() => Ok(TERMINATED),
         }
     }
     #[cfg(not(unix))]
-    tokio::signal::ctrl_c().await
+    tokio::signal::ctrl_c().await.map(|()| INTERRUPTED)
 }
 
 /// What a command needs to talk to others.
@@ -82,13 +99,13 @@ pub(crate) struct Line {
 }
 
 impl Line {
-    /// Until Ctrl-C, or the process is asked to end.
+    /// Until Ctrl-C, or the process is asked to end; it does so within two seconds.
     pub(crate) fn open(trust: &Trust) -> anyhow::Result<Self> {
         let network = Network::start()?;
         Ok(Self {
             client: trust.client()?,
             clock: Clock::start(),
-            stop: network.stop_on_signal(),
+            stop: network.end_on_signal(),
             network,
             insecure: trust.insecure,
         })

@@ -28,6 +28,7 @@ use renderer_splat::options::{Filter, RendererOptions};
 use renderer_splat::picture::Image;
 use renderer_splat::renderer::SplatRenderer;
 use renderer_vulkan::gpu::Gpu;
+use spmm3::package::PackageLimits;
 use spmm3::{Avatar, MotionParams, Skeleton};
 use std::collections::HashSet;
 use std::path::Path;
@@ -90,14 +91,26 @@ pub struct StillsReport {
     pub gpu: Arc<Gpu>,
 }
 
-/// Loads a package and tells its sizes.
+/// Loads a package of one's own and tells its sizes.
 pub fn load_avatar(path: &Path) -> anyhow::Result<(Arc<Avatar>, AvatarFigures)> {
+    load_within(path, &PackageLimits::OWN)
+}
+
+/// The same of another person's, who may be anyone.
+pub(crate) fn load_others_avatar(path: &Path) -> anyhow::Result<(Arc<Avatar>, AvatarFigures)> {
+    load_within(path, &PackageLimits::OTHERS)
+}
+
+fn load_within(
+    path: &Path,
+    limits: &PackageLimits,
+) -> anyhow::Result<(Arc<Avatar>, AvatarFigures)> {
     ensure!(
         !is_scene(path),
         "{} looks like a Gaussian scene, not an avatar package: give it with --background",
         path.display()
     );
-    let avatar = Avatar::load(path)
+    let avatar = Avatar::load_within(path, limits)
         .with_context(|| format!("cannot use the avatar package {}", path.display()))?;
     let figures = AvatarFigures::of(&avatar, path)
         .with_context(|| format!("cannot read {}", path.display()))?;

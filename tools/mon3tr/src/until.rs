@@ -1,5 +1,6 @@
 //! When a command ends by itself.
 
+use crate::ending;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
@@ -33,8 +34,11 @@ impl Until {
     /// Whether that time has come, with so many pictures shown.
     pub(crate) fn is_over(&self, shown: u64) -> bool {
         let asked = self.asked.get_or_init(Instant::now);
-        self.stop.load(Relaxed)
-            || self.frames.is_some_and(|frames| shown >= frames)
+        let stop = self.stop.load(Relaxed);
+        if stop {
+            ending::noticed();
+        }
+        stop || self.frames.is_some_and(|frames| shown >= frames)
             || (self.longest).is_some_and(|longest| asked.elapsed() >= longest)
     }
 }

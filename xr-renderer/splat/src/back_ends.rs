@@ -17,8 +17,14 @@ use crate::quads::Quads;
 use crate::target::Target;
 use crate::tiles::Tiles;
 
-/// Times each back end draws the first picture before they are compared; the first of each warms up and does not count.
+/// Times each back end draws the first picture before they are compared; the first of each warms up and does not count, where there is another.
 const TRIALS: usize = 4;
+
+/// A picture that takes longer than this, ms, ends the comparison: more of it would look like a program that hangs.
+const LONGEST_COMPARED: f64 = 500.0;
+
+/// Nor is a picture of more pairs compared by a software driver: its quads take thirty times as long as tiles, which leave out what does not show.
+const MOST_COMPARED_PAIRS: u32 = 1 << 19;
 
 /// Milliseconds that each back end took for the same picture (listing and drawing).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -224,13 +230,23 @@ impl BackEnds {
             // Nothing is in view: nothing to compare them with.
             return Redraw::No;
         }
+        let pairs = self.tile_pairs();
         let [tiles, quads] = &mut self.times;
-        if tiles.len() > quads.len() {
-            quads.push(milliseconds);
+        let times = if tiles.len() > quads.len() {
+            &mut *quads
         } else {
-            tiles.push(milliseconds);
+            &mut *tiles
+        };
+        times.push(milliseconds);
+        // The first one's time is a software driver's compiler's.
+        let is_slow = times.len() > 1 && milliseconds > LONGEST_COMPARED;
+        if quads.is_empty() && self.gpu.info().is_cpu && pairs > MOST_COMPARED_PAIRS {
+            // Drawn already, by the back end that leaves out what does not show.
+            log::info!("splatting by tiles, without comparison: {pairs} pairs of splat and tile");
+            self.quads = None;
+            return Redraw::No;
         }
-        if quads.len() < TRIALS {
+        if quads.len() < TRIALS && !is_slow {
             return Redraw::ForComparison;
         }
         let trial = BackEndTrial {
@@ -274,9 +290,12 @@ fn unless_out_of_memory<T>(
     }
 }
 
-/// The median of all but the first.
+/// The median of all but the first, or the only one.
 fn median(times: &mut [f64]) -> f64 {
-    let (_, counted) = times.split_first_mut().unwrap_or((&mut 0.0, &mut []));
+    let counted = match times {
+        [_, rest @ ..] if !rest.is_empty() => rest,
+        all => all,
+    };
     counted.sort_by(f64::total_cmp);
     counted.get(counted.len() / 2).copied().unwrap_or_default()
 }

@@ -14,6 +14,7 @@ use shaders_spirv::{FrameParams, PackedGaussian};
 
 use crate::back_ends::{BackEndTrial, BackEnds, Redraw};
 use crate::camera::{Camera, head_depth_plane, is_rigid};
+use crate::cost::dearest;
 use crate::drawing::{Drawing, Foreground, Part};
 use crate::error::RenderError;
 use crate::external_images::ExternalImages;
@@ -167,8 +168,10 @@ impl Engine {
             self.back_ends.describe(&mut frame, &self.target);
             self.geometry.write_frame(&frame);
             self.record_and_run(sorts, images.as_deref())?;
+            self.geometry.costs.check()?;
             self.is_kept = !self.back_ends.draws_into(images.as_deref());
-            if self.back_ends.has_grown(&self.geometry, &self.target)? {
+            let grown = self.back_ends.has_grown(&self.geometry, &self.target);
+            if grown.map_err(|error| self.blame(error))? {
                 continue;
             }
             self.read_times()?;
@@ -193,6 +196,21 @@ impl Engine {
         self.geometry.foreground_done();
         self.host_upload = 0.0;
         Ok(())
+    }
+
+    /// Where the tiles' lists would be too long, the part that could be left out, if there is one.
+    fn blame(&self, error: RenderError) -> RenderError {
+        match (error, dearest(&self.geometry.costs.of_parts())) {
+            (RenderError::TooManyPairs { limit, .. }, (part, pairs @ 1..)) => {
+                RenderError::CostlyPart { part, pairs, limit }
+            }
+            (error, _) => error,
+        }
+    }
+
+    /// See [`crate::renderer::SplatRenderer::part_pairs`].
+    pub(crate) fn part_pairs(&self) -> [u64; MOST_PARTS] {
+        self.geometry.costs.of_parts()
     }
 
     fn is_interrupted(&self) -> bool {

@@ -75,6 +75,19 @@ pub enum RenderError {
         "the picture was drawn straight into the headset's images, not the renderer's own: read it back from the session"
     )]
     NotKept,
+    /// A part of the foreground covers so many tiles that no device draws it in time; or all parts do, and this one most of them.
+    /// Nothing was drawn.
+    #[error(
+        "part {part} of the foreground covers {pairs} screen tiles, where {limit} can be drawn: leave it out, move it away from the camera, or use fewer or smaller Gaussians"
+    )]
+    CostlyPart {
+        /// Which one, from 0.
+        part: usize,
+        /// (Gaussian, tile) pairs it makes in all views.
+        pairs: u64,
+        /// How many one part, or all together, may make.
+        limit: u32,
+    },
     /// The Gaussians cover too many tiles together.
     #[error(
         "the Gaussians cover {pairs} screen tiles together, more than the {limit} that fit: use fewer or smaller Gaussians, or a smaller picture"
@@ -126,6 +139,15 @@ pub enum RenderError {
 }
 
 impl RenderError {
+    /// The part of the foreground without which a picture that covers too many tiles may be drawn.
+    #[must_use]
+    pub fn costly_part(&self) -> Option<usize> {
+        match self {
+            Self::CostlyPart { part, .. } => Some(*part),
+            _ => None,
+        }
+    }
+
     /// Whether the device was lost: open it again.
     #[must_use]
     pub fn is_device_lost(&self) -> bool {

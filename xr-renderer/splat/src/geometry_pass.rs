@@ -11,6 +11,7 @@ use renderer_vulkan::upload::Upload;
 use shaders_spirv::{FrameParams, SortState};
 
 use crate::background::{Background, Chunk};
+use crate::cost::Costs;
 use crate::drawing::{Foreground, Part};
 use crate::error::RenderError;
 use crate::options::{Filter, RendererOptions};
@@ -32,6 +33,7 @@ pub(crate) struct GeometryPass {
     /// Whether a part is the mesh's Gaussians.
     posed: bool,
     background: Vec<StaticChunk>,
+    pub(crate) costs: Costs,
     sort: SortPasses,
     shared: SharedBuffers,
     capacity: u32,
@@ -62,7 +64,8 @@ impl GeometryPass {
                 limit: most,
             })?;
         let shared = SharedBuffers::new(gpu, capacity, views)?;
-        let parts = Parts::new(gpu, options.max_foreground, filter, &shared)?;
+        let counted = Costs::buffer(gpu)?;
+        let parts = Parts::new(gpu, options.max_foreground, filter, &shared, &counted)?;
         let posing = mesh.map(|mesh| Posing::new(gpu, mesh)).transpose()?;
         let words = background.map_or(0, Background::harmonics_words);
         let mut chunks = Vec::new();
@@ -79,6 +82,7 @@ impl GeometryPass {
             capacity,
         };
         Ok(Self {
+            costs: Costs::new(gpu, counted, &shared.state)?,
             sort: SortPasses::new(gpu, input)?,
             gpu: Arc::clone(gpu),
             parts,
@@ -195,10 +199,11 @@ impl GeometryPass {
             .for_each(Upload::free_staging);
     }
 
-    /// Records the copy of a new foreground to the device and, where the picture sorts, the clearing of what is
-    /// counted into.
+    /// Records the copy of a new foreground to the device and the clearing of what is counted into, by the sort where the picture
+    /// sorts.
     pub(crate) fn record_upload(&self, commands: vk::CommandBuffer, sorts: bool) {
         self.parts.record_copies(commands);
+        self.costs.record_clear(commands);
         if let Some(posing) = self.posed() {
             posing.record_upload(commands);
         }
@@ -251,6 +256,7 @@ impl GeometryPass {
             chunk.project.dispatch(commands, &push, groups);
         }
         barrier(&self.gpu, commands);
+        self.costs.record(commands);
     }
 
     pub(crate) fn record_sort(&self, commands: vk::CommandBuffer) {

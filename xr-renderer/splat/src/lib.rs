@@ -44,6 +44,7 @@
 pub mod back_ends;
 pub mod background;
 pub mod camera;
+mod cost;
 pub mod drawing;
 mod engine;
 pub mod error;

@@ -21,10 +21,10 @@ use crate::slot::ForegroundSlot;
 
 /// Invocations per workgroup.
 const GROUP: u32 = 64;
-/// Where `shaders/project_foreground.comp` binds the Gaussians.
+/// Where `shaders/project_foreground.comp` binds the Gaussians; what is counted of parts comes after them.
 const GAUSSIANS: u32 = 7;
 /// Bytes of [`PartParams`], of the 128 that every device takes.
-const PUSH_BYTES: u32 = 60;
+const PUSH_BYTES: u32 = 64;
 const _: () = assert!(PUSH_BYTES as usize == size_of::<PartParams>(), "whole");
 /// Sets of resources, one for each part.
 const SETS: u32 = 9;
@@ -67,6 +67,7 @@ impl Parts {
         capacity: u32,
         filter: Filter,
         shared: &SharedBuffers,
+        costs: &Buffer,
     ) -> Result<Self, RenderError> {
         // Without one the shaders read the slots.
         let copied = if gpu.features().shares_memory {
@@ -86,7 +87,7 @@ impl Parts {
             gpu,
             shaders_spirv::PROJECT_FOREGROUND.words,
             specialisation,
-            &shared.projecting(&[&copy]),
+            &shared.projecting(&[&copy, costs]),
         )?;
         Ok(Self {
             gpu: Arc::clone(gpu),
@@ -169,6 +170,7 @@ impl Parts {
             first: self.count,
             count: part.count,
             source,
+            number: u32::try_from(self.len).unwrap_or_default(),
         };
         self.count += part.count;
         self.sorted.add(part);

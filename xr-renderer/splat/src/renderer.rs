@@ -16,7 +16,7 @@ use crate::drawing::{Drawing, Foreground, Part};
 use crate::engine::Engine;
 use crate::error::RenderError;
 use crate::external_images::ExternalImages;
-use crate::limits::MOST_PIXELS;
+use crate::limits::{MOST_PARTS, MOST_PIXELS};
 use crate::options::{BackEnd, RendererOptions};
 use crate::picture::Image;
 use crate::posing::{PosedInput, StateId};
@@ -128,6 +128,8 @@ impl SplatRenderer {
     ///
     /// # Errors
     /// Cameras, parts, a slot or states that do not fit the renderer, more splats than the tiles' lists can hold, or a device that fails.
+    /// [`RenderError::CostlyPart`], before anything is blended, where the foreground covers more tiles than
+    /// [`MOST_PART_PAIRS`](crate::limits::MOST_PART_PAIRS) and [`MOST_FOREGROUND_PAIRS`](crate::limits::MOST_FOREGROUND_PAIRS) allow.
     pub fn draw_with(&mut self, drawing: &Drawing<'_>) -> Result<(), RenderError> {
         self.engine_mut()?.draw(drawing, None)
     }
@@ -227,6 +229,14 @@ impl SplatRenderer {
         self.engine
             .as_ref()
             .map_or(0, |engine| engine.back_ends.tile_pairs())
+    }
+
+    /// (Gaussian, tile) pairs that each part of the foreground made in the last picture, all views together, whichever back end drew it; those that it would have
+    /// made where it was refused for them.
+    pub fn part_pairs(&self) -> [u64; MOST_PARTS] {
+        self.engine
+            .as_ref()
+            .map_or([0; MOST_PARTS], Engine::part_pairs)
     }
 
     /// How many views a picture has.

@@ -10,6 +10,7 @@
 //! asks for the next picture's Gaussians before it draws this one's, so that the CPU makes them meanwhile. What is told of
 //! pictures (`shown.rs`) is recorded for each person.
 
+mod costly;
 mod cpu;
 mod device;
 mod display;
@@ -28,6 +29,7 @@ mod threads;
 mod triple_buffer;
 mod visibility;
 
+pub use costly::LeftOut;
 pub use display::{DisplayClock, Next, Tick};
 pub use motion::{MotionSource, Pose};
 pub use pausable::PausableSource;
@@ -40,6 +42,7 @@ use crate::plan::Plan;
 use crate::profile::Collector;
 use crate::quality::{Quality, QualityController, QualityFigures, QualityMode};
 use crate::timeline::LatencyMode;
+use costly::SlowPictures;
 use people::People;
 use renderer_splat::renderer::SplatRenderer;
 use renderer_vulkan::gpu::Gpu;
@@ -97,6 +100,7 @@ pub struct Lanes<S: MotionSource> {
     controller: QualityController,
     /// What the picture being made is drawn with.
     quality: Quality,
+    slow: SlowPictures,
     displayed: Option<Instant>,
     number: u64,
     drawing: Option<Progress>,

@@ -2,6 +2,7 @@
 //!
 //! Nothing here is shared between people but the renderer that is passed in.
 
+use super::costly::{Budget, LeftOut};
 use super::cpu::{Interpolated, Request, View};
 use super::device::DevicePosing;
 use super::threads::Threads;
@@ -35,6 +36,8 @@ pub(super) struct Person<S: MotionSource> {
     /// Rigid.
     pub(super) world_from_person: Affine3A,
     pub(super) visibility: Visibility,
+    /// Whether their Gaussians cost too much to be drawn.
+    pub(super) budget: Budget,
     /// They left, or a lane of theirs ended, while another person stays.
     pub(super) is_gone: bool,
     /// What ended that lane.
@@ -48,6 +51,8 @@ pub struct FinishedPerson<S> {
     pub source: Option<S>,
     /// The error that ended a lane.
     pub error: Option<ReceiverError>,
+    /// Why pictures were drawn without them, if any were.
+    pub left_out: Option<LeftOut>,
     /// What the lanes recorded, and the GPU's of pictures with this person.
     pub collector: Collector,
     /// Providers that were given up, and for what.
@@ -89,9 +94,9 @@ impl<S: MotionSource> Person<S> {
         self.view.as_ref().filter(|_| self.is_present())
     }
 
-    /// Whether they are to be seen, if there are Gaussians of them.
+    /// Whether they are to be seen, if there are Gaussians of them: not while these cost too much.
     pub(super) fn is_present(&self) -> bool {
-        !self.is_gone && !self.visibility.is_hidden()
+        !self.is_gone && !self.visibility.is_hidden() && !self.budget.is_exceeded()
     }
 
     /// Is not shown any longer; the lanes end by themselves.
@@ -107,6 +112,7 @@ impl<S: MotionSource> Person<S> {
         FinishedPerson {
             source,
             error: self.error.or(error),
+            left_out: self.budget.report(),
             provider_changes: self.changes.all(),
             collector: self.collector,
         }

@@ -1,5 +1,6 @@
 //! Starting the lanes: all memory is taken here, and every thread begun.
 
+use super::costly::{Budget, SlowPictures};
 use super::cpu::{CpuLane, Request};
 use super::device::DevicePosing;
 use super::npu::{Inferred, NpuLane};
@@ -50,6 +51,7 @@ impl<S: MotionSource> Lanes<S> {
             scenery,
             quality: Quality::of_step(0),
             controller: QualityController::new(options.display_period, options.quality),
+            slow: SlowPictures::default(),
             displayed: None,
             number: 0,
             drawing: None,
@@ -158,6 +160,7 @@ impl<S: MotionSource> Person<S> {
             asked: None,
             world_from_person: Affine3A::IDENTITY,
             visibility,
+            budget: Budget::default(),
             is_gone: false,
             error: None,
         })

@@ -15,6 +15,7 @@ use app_kernels::state::GaussianState;
 use npu_runtime::{Availability, Landing, Origin, Provider, ProviderKind, Runtime};
 use renderer_splat::camera::Camera;
 use renderer_splat::drawing::{Drawing, Foreground, Part};
+use renderer_splat::error::RenderError;
 use renderer_splat::motion_bound::MotionBound;
 use renderer_splat::posing::{PosedInput, StateId};
 use renderer_splat::renderer::SplatRenderer;
@@ -421,8 +422,7 @@ impl Canvas<'_> {
         slot.set(count, MotionBound::new())?;
         let packed = Instant::now();
         let parts = [Part::here(Foreground::Slot(slot))];
-        self.renderer
-            .draw_with(&Drawing::new(self.cameras, &parts))?;
+        not_too_costly(self.renderer.draw_with(&Drawing::new(self.cameras, &parts)))?;
         Ok([packed - started, packed.elapsed()])
     }
 
@@ -439,8 +439,8 @@ impl Canvas<'_> {
         let mut outputs = inference.outputs()?;
         let (mut infer, mut bind, mut interpolate, mut draw) = (vec![], vec![], vec![], vec![]);
         let mut before: Option<StateId> = None;
-        let mut is_warm = false;
-        while draw.len() < FRAMES {
+        let (mut spent, mut is_warm) = (Duration::ZERO, false);
+        while draw.len() < FRAMES && spent <= LONG_ENOUGH {
             control.checkpoint()?;
             let started = Instant::now();
             inference.run(&self.pose, &skinning, &mut outputs)?;
@@ -458,6 +458,7 @@ impl Canvas<'_> {
                 bind.push(times.skin + times.attributes);
                 interpolate.push(times.interpolate);
                 draw.push(ms(drawing) - times.skin - times.attributes - times.interpolate);
+                spent += drawing;
             }
             is_warm = self.is_warm();
         }
@@ -484,9 +485,19 @@ impl Canvas<'_> {
             level: 0,
         };
         let handed = Instant::now();
-        self.renderer
-            .draw_with(&Drawing::new(self.cameras, &[Part::here(foreground)]))?;
+        not_too_costly(
+            self.renderer
+                .draw_with(&Drawing::new(self.cameras, &[Part::here(foreground)])),
+        )?;
         Ok(handed.elapsed())
+    }
+}
+
+/// Where a person's Gaussians cover too many tiles, nothing was drawn, for any placement: that is looked after when they are shown.
+fn not_too_costly(drawn: Result<(), RenderError>) -> Result<(), RenderError> {
+    match drawn {
+        Err(error) if error.costly_part().is_some() => Ok(()),
+        drawn => drawn,
     }
 }
 

@@ -177,10 +177,21 @@ impl Stage {
 
     /// Somebody joins, who looks the same.
     pub(crate) fn join(&mut self, plan: Plan, swing: Swing) -> Joined<Swing> {
+        let avatar = Arc::clone(&self.avatar);
+        self.join_as(&avatar, plan, swing)
+    }
+
+    /// Somebody joins who looks like this.
+    pub(crate) fn join_as(
+        &mut self,
+        avatar: &Arc<Avatar>,
+        plan: Plan,
+        swing: Swing,
+    ) -> Joined<Swing> {
         let graph = plan.graph();
-        let inference = Inference::open(&self.runtime, &self.avatar, graph, &[CPU], None);
+        let inference = Inference::open(&self.runtime, avatar, graph, &[CPU], None);
         let inference = inference.expect("a session");
-        let joined = self.lanes.join(&self.avatar, inference, swing, plan);
+        let joined = self.lanes.join(avatar, inference, swing, plan);
         joined.expect("somebody joins")
     }
 

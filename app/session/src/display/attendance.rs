@@ -16,6 +16,7 @@ use renderer_splat::error::RenderError;
 use renderer_splat::options::RendererOptions;
 use renderer_splat::renderer::SplatRenderer;
 use spmm3::Avatar;
+use spmm3::package::PackageLimits;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::time::Duration;
@@ -26,10 +27,10 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Gaussians that all people of a call may have together: what others bring must not take the device's memory.
 const MOST_GAUSSIANS: u32 = 2_000_000;
 
-/// Gaussians that each of them may have, so that there is room for everyone whoever came first: an avatar of 100,000 to 200,000 fits.
-const MOST_EACH: u32 = 250_000;
+/// Each of them may have so many that there is room for everyone, whoever came first: an avatar of 100,000 to 200,000 fits.
+const MOST_EACH: usize = PackageLimits::OTHERS.gaussians;
 const _: () = assert!(
-    MOST_EACH as usize * MAX_PEOPLE <= MOST_GAUSSIANS as usize,
+    MOST_EACH * MAX_PEOPLE <= MOST_GAUSSIANS as usize,
     "there is room for everyone"
 );
 
@@ -101,7 +102,7 @@ impl Doorway<'_> {
             // They have left while others were made ready.
             return;
         }
-        let count = u32::try_from(newcomer.avatar.gaussians.len()).unwrap_or(u32::MAX);
+        let count = newcomer.avatar.gaussians.len();
         if count > MOST_EACH {
             log::warn!(
                 "a person cannot be shown: their avatar has {count} Gaussians, and each of a call may have {MOST_EACH}"

@@ -97,7 +97,7 @@ impl Display for StillsDisplay<'_> {
                     return Err(SessionError::Left);
                 };
                 let begun = Instant::now();
-                let Drawn::Picture = session.lanes.draw(&still.cameras)? else {
+                let Drawn::Picture = session.lanes.draw_everyone(&still.cameras)? else {
                     continue;
                 };
                 session.lanes.displayed(Instant::now());

@@ -5,6 +5,7 @@ use crate::commands::send_memory::{SenderMemory, Watched};
 use crate::commands::serve::owner_token_file;
 use crate::device_options::DeviceOptions;
 use crate::doorkeeper::{DoorOptions, Doorkeeper};
+use crate::ending;
 use crate::keys;
 use crate::network::{self, Line};
 use crate::performance::MotionOptions;
@@ -262,6 +263,7 @@ pub(crate) fn perform(
             own: own.as_ref(),
         };
         performance.send(&host, clock, stop)?;
+        ending::noticed();
         Ok((begun, watched.settled_bytes))
     };
     let over = AtomicBool::new(false);

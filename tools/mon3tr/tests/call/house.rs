@@ -155,6 +155,26 @@ impl Program {
         kill_process(Pid::from_child(&self.child), Signal::TERM).expect("it is still there");
     }
 
+    /// Presses Ctrl-C; how it ended, how long that took, and all that it said.
+    pub(crate) fn interrupted(self) -> (ExitStatus, Duration, String) {
+        let asked = Instant::now();
+        kill_process(Pid::from_child(&self.child), Signal::INT).expect("it is still there");
+        let (status, said) = self.ended();
+        (status, asked.elapsed(), said)
+    }
+
+    /// The most memory it has had so far, bytes.
+    pub(crate) fn peak_memory(&self) -> u64 {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id()));
+        let status = status.expect("it runs");
+        let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        let kilobytes = line.and_then(|line| line.trim().strip_suffix(" kB"));
+        let kilobytes: u64 = kilobytes
+            .and_then(|it| it.trim().parse().ok())
+            .expect("a size");
+        kilobytes << 10
+    }
+
     /// Waits for its good end and returns the JSON it wrote.
     pub(crate) fn report(self) -> Value {
         self.report_and_said().0

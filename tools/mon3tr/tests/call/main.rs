@@ -4,6 +4,7 @@
 
 mod audience;
 mod both_ways;
+mod burden;
 #[path = "../command/support.rs"]
 #[allow(dead_code, reason = "shared with the tests of the other sub-commands")]
 mod command;

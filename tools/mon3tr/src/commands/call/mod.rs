@@ -8,7 +8,7 @@ use crate::keys;
 use crate::network::{self, Line};
 use crate::remembered::Remembered;
 use crate::report::{check_writable, write_json};
-use crate::stills::load_avatar;
+use crate::stills::load_others_avatar;
 use crate::viewpoint::Viewpoint;
 use anyhow::{Context, anyhow};
 use app_session::call::CallWatch;
@@ -205,7 +205,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
                 let is_over = || line.stop.load(Relaxed) || watch.is_over();
                 let fetched = fetch(&line.network, &line.client, room, announced, &is_over)?;
                 fetched
-                    .map(|(path, download)| Ok((load_avatar(&path)?, download)))
+                    .map(|(path, download)| Ok((load_others_avatar(&path)?, download)))
                     .transpose()
             };
             roster.follow(fetched, |guest| {

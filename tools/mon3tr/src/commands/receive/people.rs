@@ -4,7 +4,7 @@ use super::Options;
 use crate::device_options::cache;
 use crate::network::{Line, Network};
 use crate::progress;
-use crate::stills::load_avatar;
+use crate::stills::load_others_avatar;
 use anyhow::Context;
 use app_session::arrival::{self, Waiting};
 use app_session::call::CallWatch;
@@ -70,7 +70,7 @@ impl Person {
 }
 
 /// Waits for all senders, one after the other, and fetches their avatars; nothing if it is time to leave before. Of a sender who has
-/// come back, `again` is known what was announced. What they say goes to `voices`, in the order of the rooms.
+/// come back, `again` is known what was announced. Of several people, whose avatar cannot be used is left out, which is told. What they say goes to `voices`, in the order of the rooms.
 pub(crate) fn gather(
     options: &Options,
     line: &Line,
@@ -83,7 +83,7 @@ pub(crate) fn gather(
         stop,
         ..
     } = line;
-    let mut people = Vec::new();
+    let (mut people, mut refused) = (Vec::new(), None);
     for (room, voice) in options.rooms.iter().zip(voices) {
         let announced = match again {
             Some(announced) => announced,
@@ -97,7 +97,16 @@ pub(crate) fn gather(
         else {
             return Ok(None);
         };
-        let (avatar, figures) = load_avatar(&path)?;
+        let (avatar, figures) = match load_others_avatar(&path) {
+            Ok(loaded) => loaded,
+            // The others are seen without them.
+            Err(error) if options.rooms.len() > 1 => {
+                log::warn!("a person cannot be shown: {error:#}");
+                refused = Some(error);
+                continue;
+            }
+            Err(error) => return Err(error),
+        };
         people.push(Person {
             room: room.clone(),
             announced,
@@ -111,7 +120,10 @@ pub(crate) fn gather(
             voice: voice.clone(),
         });
     }
-    Ok(Some(people))
+    match (people.is_empty(), refused) {
+        (true, Some(error)) => Err(error),
+        _ => Ok(Some(people)),
+    }
 }
 
 /// Asks until the sender is in the room, and says what it waits for; nothing if it is time to leave before.

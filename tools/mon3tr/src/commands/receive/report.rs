@@ -7,6 +7,7 @@ use crate::report::Splatting;
 use crate::size::Size;
 use anyhow::anyhow;
 use app_pipeline::error::ReceiverError;
+use app_pipeline::lanes::LeftOut;
 use app_pipeline::profile::Percentiles;
 use app_session::call::{CallEnd, CallFigures, CallWatch};
 use app_session::headset::HeadsetFigures;
@@ -27,6 +28,9 @@ pub(crate) struct Report {
     avatar: AvatarFigures,
     download: Download,
     call: CallFigures,
+    /// Why pictures were drawn without the first person.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    left_out: Option<LeftOut>,
     #[serde(skip_serializing_if = "Option::is_none")]
     drawing: Option<Drawing>,
     /// The headset that showed it.
@@ -46,6 +50,8 @@ struct Other {
     avatar: AvatarFigures,
     download: Download,
     call: CallFigures,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    left_out: Option<LeftOut>,
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     shown: Option<Measured>,
 }
@@ -98,6 +104,7 @@ impl Report {
                     watch: Some(call.watch.clone()),
                     call: Some(call),
                     error: None,
+                    left_out: None,
                     measured: None,
                 };
                 (None, calls.into_iter().map(ended).collect())
@@ -126,7 +133,7 @@ impl Report {
                 Some(CallEnd::AnotherAvatar(_)) => failed.push((number, anyhow!(CAME_BACK))),
                 Some(CallEnd::HungUp) | None => {}
             }
-            told.push((person.clone(), figures, ended.measured));
+            told.push((person.clone(), figures, ended.measured, ended.left_out));
         }
         failed.dedup_by_key(|(number, _)| *number);
         let all_failed = count > 0 && failed.len() == count;
@@ -137,14 +144,15 @@ impl Report {
         }
         let mut told = told.into_iter();
         let outcome = last.map_or(Ok(()), Err);
-        let Some((first, call, measured)) = told.next() else {
+        let Some((first, call, measured, left_out)) = told.next() else {
             return (None, outcome);
         };
-        let others = told.map(|(person, call, shown)| Other {
+        let others = told.map(|(person, call, shown, left_out)| Other {
             name: person.name,
             avatar: person.figures,
             download: person.download,
             call,
+            left_out,
             shown,
         });
         let mut report = Self {
@@ -152,6 +160,7 @@ impl Report {
             avatar: first.figures,
             download: first.download,
             call,
+            left_out,
             drawing: None,
             headset: None,
             others: others.collect(),
@@ -281,9 +290,11 @@ impl Report {
         if let Some(drawing) = &self.drawing {
             drawing.print();
         }
+        print_left_out(self.left_out);
         for Other {
             avatar,
             call,
+            left_out,
             shown,
             ..
         } in &self.others
@@ -295,6 +306,7 @@ impl Report {
             if let Some(shown) = shown {
                 print_measured(shown);
             }
+            print_left_out(*left_out);
         }
         if !self.pictures.is_empty() {
             println!("\npictures");
@@ -320,6 +332,8 @@ struct Ended {
     watch: Option<CallWatch>,
     call: Option<CallReport>,
     error: Option<ReceiverError>,
+    /// Why pictures were drawn without them.
+    left_out: Option<LeftOut>,
     /// Where a picture was drawn.
     measured: Option<Measured>,
 }
@@ -349,9 +363,21 @@ fn split(drawn: Drawn) -> (Option<Pictures>, Vec<Ended>) {
         watch: person.watch,
         call: person.call,
         error: person.error,
+        left_out: person.left_out,
         measured,
     });
     (Some(pictures), ended.collect())
+}
+
+fn print_left_out(left_out: Option<LeftOut>) {
+    if let Some(LeftOut {
+        pictures, pairs, ..
+    }) = left_out
+    {
+        println!(
+            "left out of {pictures} pictures, where their Gaussians would cover {pairs} screen tiles"
+        );
+    }
 }
 
 fn print_headset(headset: &HeadsetFigures) {
