@@ -5,17 +5,24 @@
     scripts/supply.py --write           renews the list that `mon3tr licences` prints
     scripts/supply.py --sbom FILE.json  the same as a bill of materials (CycloneDX 1.5)
     scripts/supply.py --notices FILE    the texts of all licences, which go with programs that are given to others
+    scripts/supply.py --advisories [FOLDER]
+                                        refuses crates with known faults, by RustSec's advisories (a clone in FOLDER, else fetched from GitHub)
 
 Of the programs themselves, on every system: what only tests and builds' own programs need is not shipped, and not in it.
-Cargo fetches what it lacks; nothing else is asked.
+Cargo fetches what it lacks; nothing else is asked but for advisories, which are about tests' crates too. Where those cannot be fetched that is an error,
+in CI (CI=true) a warning.
 """
 
 import json
+import os
 import re
 import subprocess
 import sys
 import uuid
+from contextlib import nullcontext
 from pathlib import Path
+
+import advisories
 
 REPO = Path(__file__).resolve().parent.parent
 LIST = REPO / "tools/mon3tr/licences.txt"
@@ -172,8 +179,25 @@ def notices(theirs):
         yield f"{'=' * 80}\n{', '.join(names)}\n{'=' * 80}\n\n{text}\n"
 
 
+def check_advisories(folder):
+    """Checks the lock file against a database in a folder, or the newest."""
+    lock = REPO / "Cargo.lock"
+    try:
+        with nullcontext(Path(folder)) if folder else advisories.database() as database:
+            found = list(advisories.wrong(lock, database))
+    except (OSError, subprocess.TimeoutExpired) as why:
+        print(f"WARNING: known faults of crates were not looked for: the advisories of {folder or advisories.DATABASE} cannot be had: {why}", file=sys.stderr)
+        return 0 if os.environ.get("CI") == "true" and not folder else 1
+    for line in found:
+        print(line)
+    print(f"{lock.name} by RustSec's advisories: {len(found)} things wrong, {len(advisories.EXCEPTIONS)} exceptions")
+    return 1 if found else 0
+
+
 def main():
     arguments = sys.argv[1:]
+    if arguments[:1] == ["--advisories"] and len(arguments) <= 2:
+        return check_advisories(*arguments[1:] or [None])
     theirs = packages()
     match arguments:
         case ["--write"]:
