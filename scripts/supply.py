@@ -171,7 +171,7 @@ def notices(theirs):
         folder = Path(package["manifest_path"]).parent
         found = [file for file in sorted(folder.iterdir()) if re.match(r"(?i)(licen[cs]e|copying|notice|copyright|unlicense)", file.name) and file.is_file()]
         for file in found:
-            text = file.read_text(errors="replace").strip()
+            text = file.read_text(encoding="utf-8", errors="replace").strip()
             brought.setdefault(text, []).append(f"{package['name']} {package['version']}")
         if not found:
             brought.setdefault(f"(no text comes with it; {package['license']})", []).append(f"{package['name']} {package['version']}")
@@ -204,8 +204,10 @@ def main():
             LIST.write_text("".join(f"{line}\n" for line in lines(theirs)))
         case ["--sbom", file]:
             Path(file).write_text(json.dumps(bill(theirs), indent=1) + "\n")
+            return 0
         case ["--notices", file]:
-            Path(file).write_text("\n".join(notices(theirs)))
+            Path(file).write_text("\n".join(notices(theirs)), encoding="utf-8")
+            return 0
         case ["--check"]:
             pass
         case _:
