@@ -5,17 +5,24 @@
     scripts/supply.py --write           renews the list that `mon3tr licences` prints
     scripts/supply.py --sbom FILE.json  the same as a bill of materials (CycloneDX 1.5)
     scripts/supply.py --notices FILE    the texts of all licences, which go with programs that are given to others
+    scripts/supply.py --advisories [FOLDER]
+                                        refuses crates with known faults, by RustSec's advisories (a clone in FOLDER, else fetched from GitHub)
 
 Of the programs themselves, on every system: what only tests and builds' own programs need is not shipped, and not in it.
-Cargo fetches what it lacks; nothing else is asked.
+Cargo fetches what it lacks; nothing else is asked but for advisories, which are about tests' crates too. Where those cannot be fetched that is an error,
+in CI (CI=true) a warning.
 """
 
 import json
+import os
 import re
 import subprocess
 import sys
 import uuid
+from contextlib import nullcontext
 from pathlib import Path
+
+import advisories
 
 REPO = Path(__file__).resolve().parent.parent
 LIST = REPO / "tools/mon3tr/licences.txt"
@@ -164,7 +171,7 @@ def notices(theirs):
         folder = Path(package["manifest_path"]).parent
         found = [file for file in sorted(folder.iterdir()) if re.match(r"(?i)(licen[cs]e|copying|notice|copyright|unlicense)", file.name) and file.is_file()]
         for file in found:
-            text = file.read_text(errors="replace").strip()
+            text = file.read_text(encoding="utf-8", errors="replace").strip()
             brought.setdefault(text, []).append(f"{package['name']} {package['version']}")
         if not found:
             brought.setdefault(f"(no text comes with it; {package['license']})", []).append(f"{package['name']} {package['version']}")
@@ -172,16 +179,35 @@ def notices(theirs):
         yield f"{'=' * 80}\n{', '.join(names)}\n{'=' * 80}\n\n{text}\n"
 
 
+def check_advisories(folder):
+    """Checks the lock file against a database in a folder, or the newest."""
+    lock = REPO / "Cargo.lock"
+    try:
+        with nullcontext(Path(folder)) if folder else advisories.database() as database:
+            found = list(advisories.wrong(lock, database))
+    except (OSError, subprocess.TimeoutExpired) as why:
+        print(f"WARNING: known faults of crates were not looked for: the advisories of {folder or advisories.DATABASE} cannot be had: {why}", file=sys.stderr)
+        return 0 if os.environ.get("CI") == "true" and not folder else 1
+    for line in found:
+        print(line)
+    print(f"{lock.name} by RustSec's advisories: {len(found)} things wrong, {len(advisories.EXCEPTIONS)} exceptions")
+    return 1 if found else 0
+
+
 def main():
     arguments = sys.argv[1:]
+    if arguments[:1] == ["--advisories"] and len(arguments) <= 2:
+        return check_advisories(*arguments[1:] or [None])
     theirs = packages()
     match arguments:
         case ["--write"]:
             LIST.write_text("".join(f"{line}\n" for line in lines(theirs)))
         case ["--sbom", file]:
             Path(file).write_text(json.dumps(bill(theirs), indent=1) + "\n")
+            return 0
         case ["--notices", file]:
-            Path(file).write_text("\n".join(notices(theirs)))
+            Path(file).write_text("\n".join(notices(theirs)), encoding="utf-8")
+            return 0
         case ["--check"]:
             pass
         case _:

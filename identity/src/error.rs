@@ -3,12 +3,12 @@ use std::path::PathBuf;
 /// Why a key, a signature or a permit is not taken.
 #[derive(Debug, thiserror::Error)]
 pub enum IdentityError {
-    /// The file of one's own key cannot be read or written.
-    #[error("cannot {action} the key {}", path.display())]
+    /// A file of one's own key, of permits or of trusted keys cannot be read or written.
+    #[error("cannot {action} {}", path.display())]
     File {
         /// What was tried.
         action: &'static str,
-        /// The key's file.
+        /// The file.
         path: PathBuf,
         /// What the system says.
         #[source]

@@ -1,4 +1,5 @@
-//! Who someone is: an Ed25519 key (RFC 8032), made once; what it signs; and which other keys its owner lets drive their avatars.
+//! Who someone is: an Ed25519 key (RFC 8032), made once; what it signs; which other keys its owner lets drive their avatars; and
+//! which they trust to bring compiled code.
 //!
 //! Whoever shows a signature shows the key with it, so everything here is checked without asking anyone. Which key is the right one a
 //! viewer knows from a link ([`KeyHash`]), or from having met it before. What is signed is text whose first line says what it is

@@ -1,11 +1,11 @@
 //! Graphs compiled for an NPU, kept in a folder: compiling takes ten seconds, loading two.
 //!
 //! An entry's name is the hash of everything that went into it, so an entry is never out of date, only unused. It opens
-//! with its key and its content's hash; what is damaged or not ours is deleted and made again.
+//! with its key and its content's hash; what is damaged, not ours, or another user may have written is deleted and made again.
 
 use crate::{QnnTarget, RuntimeError};
 use sha2::{Digest, Sha256};
-use std::io::{ErrorKind, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
 const MAGIC: &str = "mon3tr compiled graph 1\n";
@@ -43,9 +43,9 @@ impl Entry {
         self.folder.join(format!("{}.context", self.key))
     }
 
-    /// The compiled graph, if there is one and it is whole. Whatever else is there is deleted.
+    /// The compiled graph, if there is one that is whole and that nobody but this user can have written. Whatever else is there is deleted.
     pub(crate) fn load(&self) -> Option<Vec<u8>> {
-        let mut bytes = match std::fs::read(self.path()) {
+        let mut bytes = match read_own(&self.path()) {
             Ok(bytes) => bytes,
             Err(e) if e.kind() == ErrorKind::NotFound => return None,
             Err(e) => {
@@ -95,6 +95,23 @@ impl Entry {
     }
 }
 
+/// Reads a file that only this user can have written: an NPU's driver runs what it holds.
+fn read_own(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut file = std::fs::File::open(path)?;
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        let found = file.metadata()?;
+        let is_own = found.uid() == rustix::process::geteuid().as_raw();
+        if !is_own || found.mode() & 0o022 != 0 {
+            return Err(std::io::Error::other("other users may write it"));
+        }
+    }
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
 /// Lower-case hexadecimal.
 pub(crate) fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
@@ -130,6 +147,27 @@ mod tests {
             .expect("the folder")
             .count();
         assert_eq!(left, 0, "temporary files");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn an_entry_that_others_may_write_is_not_taken() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let entry = entry(folder.path());
+        for (mode, taken) in [(0o600, true), (0o644, true), (0o664, false), (0o646, false)] {
+            entry.save(b"content").expect("a writable folder");
+            let permissions = std::fs::Permissions::from_mode(mode);
+            std::fs::set_permissions(entry.path(), permissions).expect("one's own");
+            assert_eq!(entry.load().is_some(), taken, "mode {mode:o}");
+            assert_eq!(entry.path().exists(), taken, "mode {mode:o}: what is left");
+        }
+        // One that another user owns: as root, which may give files away.
+        if rustix::process::geteuid().is_root() {
+            entry.save(b"content").expect("a writable folder");
+            std::os::unix::fs::chown(entry.path(), Some(1), None).expect("root may");
+            assert_eq!(entry.load(), None, "another user's");
+        }
     }
 
     #[test]

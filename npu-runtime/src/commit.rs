@@ -182,10 +182,15 @@ fn compile_into(
         let path = path.to_path_buf();
         move |source| RuntimeError::Cache { path, source }
     };
-    let desk = tempfile::Builder::new()
-        .prefix(".compiling-")
-        .tempdir_in(folder)
-        .map_err(failed(folder))?;
+    let mut desk = tempfile::Builder::new();
+    desk.prefix(".compiling-");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        // ONNX Runtime's file gets the process's default permissions, so nobody else may come to it.
+        desk.permissions(fs::Permissions::from_mode(0o700));
+    }
+    let desk = desk.tempdir_in(folder).map_err(failed(folder))?;
     let path = desk.path().join("context.onnx");
     let provider = Provider::Qnn { target };
     let committed = open(runtime, onnx, provider, Origin::Compiled, |builder| {

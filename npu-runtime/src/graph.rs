@@ -20,7 +20,7 @@ pub struct Precompiled<'a> {
 pub struct Graph<'a> {
     /// The plain ONNX model of static shapes, which every provider takes; empty if there are only compiled forms.
     pub onnx: &'a [u8],
-    /// Forms that came with it.
+    /// Forms that came with it, from someone whom the caller trusts: nothing here can check what they compute.
     pub precompiled: &'a [Precompiled<'a>],
     /// The folder for graphs compiled here; without it, QNN compiles for every session.
     pub cache: Option<&'a Path>,

@@ -51,7 +51,7 @@ pub(super) fn run(
     let backends = InferenceBackends {
         runtime: &runtime,
         threads: available_parallelism().map_or(1, usize::from),
-        cache: Some(&compiled),
+        compiled: &compiled,
     };
     let packages = folders.packages(settings.cache_bytes.value)?;
     let board = NoticeBoard::default();

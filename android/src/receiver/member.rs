@@ -242,7 +242,7 @@ impl Member<'_> {
         let backends = InferenceBackends {
             runtime: &runtime,
             threads: available_parallelism().map_or(1, usize::from),
-            cache: Some(&compiled),
+            compiled: &compiled,
         };
         let (slot, own, far_end) = (
             WearerSlot::default(),

@@ -65,7 +65,7 @@ fn measure(
     let backends = InferenceBackends {
         runtime: &runtime,
         threads: cores(),
-        cache: Some(&compiled),
+        compiled: &compiled,
     };
     let headset = task.find()?.context("the app was closed")?;
     let gpu = Arc::clone(headset.headset().gpu());

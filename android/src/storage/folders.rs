@@ -2,6 +2,7 @@
 
 use super::KnownServers;
 use crate::package::SETTINGS_FILE;
+use app_pipeline::compiled_sources::CompiledSources;
 use identity::{IdentityError, Keyring};
 use link_http::{HttpError, PackageCache};
 use std::path::{Path, PathBuf};
@@ -47,12 +48,13 @@ impl Folders {
         self.shared.join(name)
     }
 
-    /// One's own key and the permits of others' avatars, which adb can push.
+    /// One's own key, and the permits of others' avatars and the keys that the wearer trusts, which adb can push and other apps cannot.
     ///
     /// # Errors
     /// If the key cannot be read or made.
     pub fn keys(&self) -> Result<Keyring, IdentityError> {
-        Keyring::open(self.own.join("key"), self.shared.join("permits"))
+        let [permits, trusted] = ["permits", "trusted"].map(|name| self.shared.join(name));
+        Keyring::open(self.own.join("key"), permits, trusted)
     }
 
     /// The file of the people whom the wearer has met.
@@ -84,10 +86,23 @@ impl Folders {
         KnownServers::new(self.own.join("servers"))
     }
 
-    /// Networks compiled for the NPU.
+    /// From where networks compiled for the NPU are taken: compiled here and kept where no other app can write, or in packages signed by the headset's
+    /// own key or one that the wearer trusts.
     #[must_use]
-    pub fn compiled(&self) -> PathBuf {
-        self.own.join("compiled")
+    pub fn compiled(&self) -> CompiledSources {
+        let trusted = self.keys().and_then(|keys| {
+            let own = keys.identity().public();
+            Ok([vec![own], keys.trusted()?].concat())
+        });
+        CompiledSources {
+            cache: Some(self.own.join("compiled")),
+            trusted: trusted.unwrap_or_else(|error| {
+                let error = anyhow::Error::from(error)
+                    .context("the headset's key, or the file `trusted` beside the avatar");
+                log::warn!("no package's compiled networks are used: {error:#}");
+                Vec::new()
+            }),
+        }
     }
 
     /// The folder whose contents no other app can read.

@@ -4,6 +4,7 @@
 //! As captured scenes have it, y points down and the person faces -z: the world turned by half a turn about x.
 
 use app_kernels::state::{GaussianState, plane};
+use app_pipeline::compiled_sources::CompiledSources;
 use app_pipeline::deform::Deformer;
 use app_pipeline::inference::Inference;
 use app_pipeline::plan::Plan;
@@ -68,7 +69,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let avatar = Arc::new(avatar);
     let plan = Plan::CpuTail;
     let providers = [Provider::Cpu { threads: 1 }];
-    let inference = Inference::open(&runtime, &avatar, plan.graph(), &providers, None)?;
+    let inference = Inference::open(
+        &runtime,
+        &avatar,
+        plan.graph(),
+        &providers,
+        &CompiledSources::default(),
+    )?;
     let mut deformer = Deformer::new(&avatar, inference, plan)?;
     let gaussians = deformer.deform(&motion, &mut Profile::default())?;
     write(gaussians, &mut BufWriter::new(std::fs::File::create(ply)?))?;

@@ -1,13 +1,11 @@
 //! The deform graph, or a part of it, on the first of several providers that runs it, and on the next when that one fails.
 
+use crate::compiled_sources::CompiledSources;
 use crate::error::ReceiverError;
-use npu_runtime::{
-    Graph, Landing, Origin, Outputs, Precompiled, Provider, Runtime, Session, TensorSpec,
-};
+use npu_runtime::{Graph, Landing, Origin, Outputs, Provider, Runtime, Session, TensorSpec};
 use serde::Serialize;
 use spmm3::networks::{GraphParts, Port};
 use spmm3::{Avatar, MotionParams, SkinningTransforms};
-use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -24,7 +22,7 @@ pub struct Inference {
     session: Session,
     /// To go on with, the best last.
     spare: Vec<Provider>,
-    cache: Option<PathBuf>,
+    compiled: CompiledSources,
     fault: Fault,
     changes: ProviderChanges,
     /// How long a run was measured to take, and how many have taken too long on end.
@@ -84,8 +82,8 @@ impl Fault {
 }
 
 impl Inference {
-    /// Loads the avatar's graph for the first of `providers`; the others are for when that one fails. `cache` is the folder for
-    /// what a provider compiles.
+    /// Loads the avatar's graph for the first of `providers`; the others are for when that one fails. Compiled graphs are
+    /// taken from `compiled`.
     ///
     /// # Errors
     /// If there are none, or the first does not take the graph.
@@ -94,16 +92,16 @@ impl Inference {
         avatar: &Arc<Avatar>,
         graph: GraphParts,
         providers: &[Provider],
-        cache: Option<&Path>,
+        compiled: &CompiledSources,
     ) -> Result<Self, ReceiverError> {
         let (first, spare) = providers.split_first().ok_or(ReceiverError::NoProvider)?;
         Ok(Self {
             runtime: runtime.clone(),
             avatar: Arc::clone(avatar),
             graph,
-            session: session(runtime, avatar, graph, *first, cache)?,
+            session: session(runtime, avatar, graph, *first, compiled)?,
             spare: spare.iter().rev().copied().collect(),
-            cache: cache.map(Path::to_path_buf),
+            compiled: compiled.clone(),
             fault: Fault::default(),
             changes: ProviderChanges::default(),
             expected: None,
@@ -165,8 +163,13 @@ impl Inference {
         log::warn!("{from} is given up for {next}: {reason}");
         self.expected = None;
         self.slow_runs = 0;
-        let cache = self.cache.as_deref();
-        match session(&self.runtime, &self.avatar, self.graph, next, cache) {
+        match session(
+            &self.runtime,
+            &self.avatar,
+            self.graph,
+            next,
+            &self.compiled,
+        ) {
             Ok(session) => {
                 self.changes.note(ProviderChange {
                     from,
@@ -243,7 +246,7 @@ fn session(
     avatar: &Avatar,
     graph: GraphParts,
     provider: Provider,
-    cache: Option<&Path>,
+    compiled: &CompiledSources,
 ) -> Result<Session, ReceiverError> {
     let ports = graph.ports(&avatar.graph_sizes()?);
     let specs = |ports: &[Port]| -> Vec<TensorSpec> {
@@ -251,11 +254,11 @@ fn session(
         ports.iter().map(spec).collect()
     };
     let onnx = avatar.graph(graph)?;
-    let precompiled = precompiled(avatar, graph);
+    let precompiled = compiled.of_package(avatar, graph, provider);
     let form = Graph {
         onnx: &onnx,
         precompiled: &precompiled,
-        cache,
+        cache: compiled.cache.as_deref(),
     };
     Ok(Session::new(
         runtime,
@@ -264,22 +267,4 @@ fn session(
         &specs(&ports.inputs),
         &specs(&ports.outputs),
     )?)
-}
-
-/// The forms of the graph that the avatar's package brought, of chips that are known here.
-fn precompiled(avatar: &Avatar, graph: GraphParts) -> Vec<Precompiled<'_>> {
-    // Packages bring the whole graph only.
-    let brought = match graph {
-        GraphParts::Whole => &avatar.compiled[..],
-        GraphParts::Skinned | GraphParts::Networks => &[],
-    };
-    let known = brought.iter().filter_map(|one| {
-        let target = one.target.parse();
-        let target = target.inspect_err(|e| log::info!("a compiled graph is of no use: {e}"));
-        Some(Precompiled {
-            target: target.ok()?,
-            onnx: &one.onnx,
-        })
-    });
-    known.collect()
 }

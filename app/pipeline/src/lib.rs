@@ -5,6 +5,7 @@
 //! poses and, for each picture, the time at which it is displayed:
 //!
 //! ```no_run
+//! use app_pipeline::compiled_sources::CompiledSources;
 //! use app_pipeline::{concealment::ConcealmentState, inference::Inference, plan::Plan, profile::FrameTimes};
 //! use app_pipeline::lanes::{DisplayClock, LaneOptions, Lanes, MotionSource, Pose};
 //! use glam::Vec3;
@@ -32,7 +33,7 @@
 //! let avatar = Arc::new(Avatar::load("me.m3a".as_ref())?);
 //! let (runtime, plan) = (Runtime::open(None)?, Plan::CpuTail);
 //! let provider = Provider::Cpu { threads: 2 };
-//! let inference = Inference::open(&runtime, &avatar, plan.graph(), &[provider], None)?;
+//! let inference = Inference::open(&runtime, &avatar, plan.graph(), &[provider], &CompiledSources::default())?;
 //! let gaussians = u32::try_from(avatar.gaussians.len())?;
 //! let gpu = Gpu::open(&Default::default(), false)?;
 //! let renderer = SplatRenderer::new(gpu, &RendererOptions::new(gaussians, 1024, 1024, 1))?;
@@ -58,6 +59,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod compiled_sources;
 pub mod concealment;
 pub mod control;
 pub mod deform;

@@ -45,7 +45,7 @@
 //! let origin = Origin::Clip { frames: clip.frames, rate_hz: 30.0 };
 //! let runtime = Runtime::open(None)?;
 //! let config = SessionConfig {
-//!     backends: InferenceBackends { runtime: &runtime, threads: 2, cache: None },
+//!     backends: InferenceBackends { runtime: &runtime, threads: 2, compiled: &Default::default() },
 //!     placement: Default::default(),
 //!     latency: Default::default(),
 //!     quality: Default::default(),

@@ -6,6 +6,7 @@
 
 use anyhow::Context;
 use app_kernels::state::{GaussianState, plane};
+use app_pipeline::compiled_sources::CompiledSources;
 use app_pipeline::deform::Deformer;
 use app_pipeline::inference::Inference;
 use app_pipeline::plan::Plan;
@@ -63,7 +64,13 @@ fn main() -> anyhow::Result<()> {
         threads: std::thread::available_parallelism()?.get(),
     };
     let plan = Plan::CpuTail;
-    let inference = Inference::open(&runtime, &avatar, plan.graph(), &[provider], None)?;
+    let inference = Inference::open(
+        &runtime,
+        &avatar,
+        plan.graph(),
+        &[provider],
+        &CompiledSources::default(),
+    )?;
     let mut deformer = Deformer::new(&avatar, inference, plan)?;
     let mut profile = app_pipeline::profile::Profile::default();
     let states: Vec<GaussianState> = [2.0, 9.0]

@@ -1,6 +1,8 @@
 //! What the command finds around it: cache folder, MakeHuman's data, ONNX Runtime, the Vulkan device.
 
+use crate::keys;
 use anyhow::{Context, bail};
+use app_pipeline::compiled_sources::CompiledSources;
 use app_pipeline::placement::InferenceBackends;
 use npu_runtime::Runtime;
 use renderer_vulkan::choice::GpuChoice;
@@ -50,20 +52,23 @@ impl DeviceOptions {
     }
 }
 
-/// The folder for what providers compile.
-pub(crate) fn compiled() -> anyhow::Result<PathBuf> {
-    Ok(cache()?.join("compiled"))
+/// From where compiled graphs are taken: what this machine compiles is kept in a folder of the cache.
+pub fn compiled() -> anyhow::Result<CompiledSources> {
+    Ok(CompiledSources {
+        cache: Some(cache()?.join("compiled")),
+        trusted: keys::trusted(),
+    })
 }
 
-/// What this machine runs graphs with, what is compiled kept in the folder `compiled`.
+/// What this machine runs graphs with, compiled ones taken from `compiled`.
 pub(crate) fn inference_backends<'a>(
     runtime: &'a Runtime,
-    compiled: &'a Path,
+    compiled: &'a CompiledSources,
 ) -> InferenceBackends<'a> {
     InferenceBackends {
         runtime,
         threads: DeviceOptions::threads(),
-        cache: Some(compiled),
+        compiled,
     }
 }
 

@@ -1,7 +1,7 @@
 //! Where this machine's user has their key, and what it is used for. It lies with the user's other settings, for nothing makes it again.
 
 use anyhow::{Context, anyhow};
-use identity::Keyring;
+use identity::{Keyring, PublicKey};
 use link_call::Credentials;
 use spmm3::Avatar;
 use std::path::{Path, PathBuf};
@@ -9,14 +9,37 @@ use std::path::{Path, PathBuf};
 /// Another file for one's own key.
 const VARIABLE: &str = "MON3TR_KEY";
 
-/// One's own key, made now if there is none, and the permits beside it.
+/// One's own key, made now if there is none, and beside it the permits and the keys that this user trusts.
 ///
 /// # Errors
 /// If there is no place for it, or it cannot be read.
 pub fn open() -> anyhow::Result<Keyring> {
     let file = file()?;
-    let permits = file.with_extension("permits");
-    Ok(Keyring::open(file, permits)?)
+    let [permits, trusted] = ["permits", "trusted"].map(|name| file.with_extension(name));
+    Ok(Keyring::open(file, permits, trusted)?)
+}
+
+/// Whose packages may bring compiled graphs: one's own key and those that one trusts. Where they cannot be read, nobody's may, and the log says why.
+pub(crate) fn trusted() -> Vec<PublicKey> {
+    let read = || -> anyhow::Result<Vec<PublicKey>> {
+        // No key is made for this: who has none has signed no package, and trusts nobody yet.
+        if !file()?.exists() {
+            return Ok(Vec::new());
+        }
+        let keys = open()?;
+        let own = keys.identity().public();
+        let trusted = keys.trusted().with_context(|| {
+            format!(
+                "the keys that you trust, {}, are of no use",
+                keys.trusted_file().display()
+            )
+        })?;
+        Ok([vec![own], trusted].concat())
+    };
+    read().unwrap_or_else(|why| {
+        log::warn!("no package's compiled graph is used: {why:#}");
+        Vec::new()
+    })
 }
 
 /// One's own key as viewers have it. Who has none can do without, and is told why.
@@ -48,12 +71,27 @@ pub fn sign(path: &Path) -> anyhow::Result<()> {
     let told = || format!("cannot sign {}", path.display());
     let keys = open()?;
     let own = keys.identity();
-    let avatar = Avatar::load(path).with_context(told)?;
+    let mut avatar = Avatar::load(path).with_context(told)?;
     if let Some(signer) = avatar.signer.filter(|signer| *signer != own.public()) {
         let signer = signer.fingerprint();
         return Err(anyhow!("another key, {signer}, has signed it").context(told()));
     }
+    leave_out_foreign_code(&mut avatar)?;
     avatar.save_signed(path, own).with_context(told)?;
+    Ok(())
+}
+
+/// Takes compiled graphs out of an avatar that is not signed by this user: whoever signs a package vouches for them.
+///
+/// # Errors
+/// If one's own key cannot be read.
+pub(crate) fn leave_out_foreign_code(avatar: &mut Avatar) -> anyhow::Result<()> {
+    if !avatar.compiled.is_empty() && avatar.signer != Some(open()?.identity().public()) {
+        println!(
+            "the compiled graph in it is left out: you did not sign it (`mon3tr bake --qnn` compiles it here)"
+        );
+        avatar.compiled.clear();
+    }
     Ok(())
 }
 

@@ -7,6 +7,7 @@ use crate::report::{Splatting, StageTable};
 use crate::scenery::is_scene;
 use crate::size::{Size, Views};
 use anyhow::{Context, anyhow, ensure};
+use app_pipeline::compiled_sources::CompiledSources;
 use app_pipeline::control::Control;
 use app_pipeline::placement::InferenceBackends;
 use app_pipeline::plan::{PlacementRequest, Plan};
@@ -157,10 +158,11 @@ impl StillRenderer<'_> {
         stills: impl IntoIterator<Item = Still>,
         mut drawn: impl FnMut(usize, Vec<Image>, &DrawnPicture<'_>) -> anyhow::Result<()>,
     ) -> anyhow::Result<StillsReport> {
+        let compiled = CompiledSources::default();
         let backends = InferenceBackends {
             runtime: self.runtime,
             threads: DeviceOptions::threads(),
-            cache: None,
+            compiled: &compiled,
         };
         let config = SessionConfig {
             backends,

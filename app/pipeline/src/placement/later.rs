@@ -29,8 +29,13 @@ pub fn place_like(
         like.plan
     };
     let provider = like.provider;
-    let mut inference =
-        Inference::open(&runtime, avatar, plan.graph(), &[provider], backends.cache)?;
+    let mut inference = Inference::open(
+        &runtime,
+        avatar,
+        plan.graph(),
+        &[provider],
+        backends.compiled,
+    )?;
     inference.fall_back_on(ProviderKind::Cpu.with_threads(backends.threads));
     if let Some(expected) = like.inference() {
         inference.expect(expected);

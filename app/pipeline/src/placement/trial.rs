@@ -2,6 +2,7 @@
 
 use super::choice::{PREFERRED, contenders};
 use super::{Alternative, StageCosts, choose, predicted_picture_ms};
+use crate::compiled_sources::CompiledSources;
 use crate::control::Control;
 use crate::deform::Deformer;
 use crate::error::ReceiverError;
@@ -22,7 +23,6 @@ use renderer_splat::renderer::SplatRenderer;
 use renderer_splat::slot::ForegroundSlot;
 use serde::Serialize;
 use spmm3::{Avatar, MotionParams, SkinningTransforms, at_ease};
-use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -38,8 +38,8 @@ pub struct InferenceBackends<'a> {
     pub runtime: &'a Runtime,
     /// Threads for providers on the CPU.
     pub threads: usize,
-    /// The folder for what a provider compiles.
-    pub cache: Option<&'a Path>,
+    /// From where compiled graphs are taken.
+    pub compiled: &'a CompiledSources,
 }
 
 /// What was asked for, what was granted, and why.
@@ -331,7 +331,7 @@ fn try_one(
         avatar,
         plan.graph(),
         &[provider],
-        backends.cache,
+        backends.compiled,
     )?;
     if plan == Plan::Gpu {
         return canvas.try_on_device(avatar, inference);

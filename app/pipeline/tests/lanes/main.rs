@@ -1,5 +1,6 @@
 //! The lanes at work on a puppet: what is shown, what fails on the way, what is allocated.
 
+mod compiled;
 mod costly;
 mod faults;
 mod headset;

@@ -1,6 +1,7 @@
 //! Several people by one renderer.
 
 use crate::stage::{BLACK, CPU, SIDE, Stage, Swing, avatar};
+use app_pipeline::compiled_sources::CompiledSources;
 use app_pipeline::deform::Deformer;
 use app_pipeline::error::ReceiverError;
 use app_pipeline::inference::Inference;
@@ -63,7 +64,14 @@ fn expected(
 ) -> Vec<u8> {
     let (runtime, avatar) = (onnx::runtime().expect("as before"), Arc::new(avatar()));
     let graph = Plan::CpuTail.graph();
-    let inference = Inference::open(&runtime, &avatar, graph, &[CPU], None).expect("a session");
+    let inference = Inference::open(
+        &runtime,
+        &avatar,
+        graph,
+        &[CPU],
+        &CompiledSources::default(),
+    )
+    .expect("a session");
     let mut deformer = Deformer::new(&avatar, inference, Plan::CpuTail).expect("a deformer");
     let state = deformer.deform(&MotionParams::default(), &mut Profile::default());
     let person = state.expect("deformed").packed();
@@ -235,7 +243,13 @@ fn people_and_scenery_beyond_what_the_renderer_was_made_for_are_refused() {
     };
     let mut join = |plan: Plan| {
         let (runtime, avatar) = (onnx::runtime().expect("as before"), Arc::new(avatar()));
-        let inference = Inference::open(&runtime, &avatar, plan.graph(), &[CPU], None);
+        let inference = Inference::open(
+            &runtime,
+            &avatar,
+            plan.graph(),
+            &[CPU],
+            &CompiledSources::default(),
+        );
         (stage.lanes).join(&avatar, inference.expect("a session"), swing(), plan)
     };
     assert!(

@@ -1,6 +1,7 @@
 //! Placing that is interrupted, as a headset's system does: at any moment, for a while or for good.
 
 use crate::stage::{CPU, avatar, camera, own_gpu};
+use app_pipeline::compiled_sources::CompiledSources;
 use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;
 use app_pipeline::inference::Inference;
@@ -48,10 +49,11 @@ impl Preparations {
         let (runtime, gpu) = (self.runtime.clone(), Arc::clone(&self.gpu));
         let (avatar, control) = (Arc::clone(&self.avatar), control.clone());
         std::thread::spawn(move || {
+            let compiled = CompiledSources::default();
             let backends = InferenceBackends {
                 runtime: &runtime,
                 threads: 1,
-                cache: None,
+                compiled: &compiled,
             };
             let gaussians = u32::try_from(avatar.gaussians.len()).expect("few");
             let options = RendererOptions::new(gaussians, SIDE, SIDE, 1);
@@ -141,7 +143,15 @@ fn a_graph_that_is_not_wanted_any_more_is_not_loaded() {
     let avatar = Arc::new(avatar());
     let cancel = Cancel::default();
     let unwanted = runtime.cancelled_by(&cancel);
-    let open = |runtime| Inference::open(runtime, &avatar, Plan::Npu.graph(), &[CPU], None);
+    let open = |runtime| {
+        Inference::open(
+            runtime,
+            &avatar,
+            Plan::Npu.graph(),
+            &[CPU],
+            &CompiledSources::default(),
+        )
+    };
     open(&unwanted).expect("wanted still");
     cancel.cancel();
     let refused = open(&unwanted).expect_err("not wanted");

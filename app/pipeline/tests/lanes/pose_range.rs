@@ -1,6 +1,7 @@
 //! What networks see of a motion that is unlike all they have learnt from.
 
 use crate::stage::{CPU, avatar};
+use app_pipeline::compiled_sources::CompiledSources;
 use app_pipeline::inference::Inference;
 use app_pipeline::plan::Plan;
 use glam::Vec3;
@@ -32,8 +33,14 @@ fn networks_see_the_nearest_pose_of_their_range_and_the_skeleton_the_motion_itse
         let joints = avatar.skeleton.pose(skeleton);
         avatar.skeleton.skinning(&joints, &mut transforms);
         let shared = Arc::new(avatar.clone());
-        let mut inference =
-            Inference::open(&runtime, &shared, Plan::Npu.graph(), &[CPU], None).expect("a session");
+        let mut inference = Inference::open(
+            &runtime,
+            &shared,
+            Plan::Npu.graph(),
+            &[CPU],
+            &CompiledSources::default(),
+        )
+        .expect("a session");
         let mut outputs = inference.outputs().expect("memory");
         inference
             .run(networks, &transforms, &mut outputs)

@@ -1,5 +1,6 @@
 //! A puppet that swings its arms, lanes that show it, and a camera in front of it.
 
+use app_pipeline::compiled_sources::CompiledSources;
 use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::inference::Inference;
 use app_pipeline::lanes::{DisplayClock, Drawn, Joined, LaneOptions, Lanes, MotionSource, Pose};
@@ -155,8 +156,14 @@ impl Stage {
             ..RendererOptions::new(2 * gaussians + 256, SIDE, SIDE, 1)
         };
         let renderer = SplatRenderer::new(Arc::clone(gpu), &options).expect("a renderer");
-        let inference =
-            Inference::open(&runtime, &avatar, plan.graph(), providers, None).expect("a session");
+        let inference = Inference::open(
+            &runtime,
+            &avatar,
+            plan.graph(),
+            providers,
+            &CompiledSources::default(),
+        )
+        .expect("a session");
         let options = LaneOptions {
             plan,
             latency: LatencyMode::Interpolate,
@@ -189,7 +196,8 @@ impl Stage {
         swing: Swing,
     ) -> Joined<Swing> {
         let graph = plan.graph();
-        let inference = Inference::open(&self.runtime, avatar, graph, &[CPU], None);
+        let sources = CompiledSources::default();
+        let inference = Inference::open(&self.runtime, avatar, graph, &[CPU], &sources);
         let inference = inference.expect("a session");
         let joined = self.lanes.join(avatar, inference, swing, plan);
         joined.expect("somebody joins")

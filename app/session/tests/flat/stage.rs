@@ -1,5 +1,6 @@
 //! A puppet, a session of it, and what it looks like.
 
+use app_pipeline::compiled_sources::CompiledSources;
 use app_pipeline::control::Control;
 use app_pipeline::deform::Deformer;
 use app_pipeline::inference::Inference;
@@ -61,13 +62,19 @@ pub(crate) fn needs(gpu: &Arc<Gpu>) -> DisplayNeeds {
     }
 }
 
+/// Nothing is compiled here.
+static NOWHERE: CompiledSources = CompiledSources {
+    cache: None,
+    trusted: Vec::new(),
+};
+
 /// How this crate's sessions are shown in tests.
 pub(crate) fn config(runtime: &Runtime, latency: LatencyMode) -> SessionConfig<'_> {
     SessionConfig {
         backends: InferenceBackends {
             runtime,
             threads: 1,
-            cache: None,
+            compiled: &NOWHERE,
         },
         placement: PlacementRequest {
             plan: Some(Plan::CpuTail),
@@ -98,7 +105,13 @@ pub(crate) fn expected(
 ) -> Vec<u8> {
     let (avatar, plan) = (avatar(), Plan::CpuTail);
     let provider = Provider::Cpu { threads: 1 };
-    let inference = Inference::open(runtime, &avatar, plan.graph(), &[provider], None);
+    let inference = Inference::open(
+        runtime,
+        &avatar,
+        plan.graph(),
+        &[provider],
+        &CompiledSources::default(),
+    );
     let inference = inference.expect("a session");
     let mut deformer = Deformer::new(&avatar, inference, plan).expect("a deformer");
     let mut all = Vec::new();

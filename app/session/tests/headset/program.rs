@@ -1,5 +1,6 @@
 //! The program under test: a puppet that dances, shown in the headset that the environment names, and what that came to.
 
+use app_pipeline::compiled_sources::CompiledSources;
 use app_pipeline::control::Control;
 use app_pipeline::placement::InferenceBackends;
 use app_pipeline::plan::{PlacementRequest, Plan};
@@ -105,11 +106,12 @@ fn obey(orders: &Orders) -> serde_json::Value {
     let bytes = Puppet::small().avatar().to_bytes().expect("a package");
     let avatar = Avatar::read(std::io::Cursor::new(bytes)).expect("the package is sound");
     let onnx = onnx::runtime().expect("the test that starts this has looked");
+    let compiled = CompiledSources::default();
     let config = SessionConfig {
         backends: InferenceBackends {
             runtime: &onnx,
             threads: 1,
-            cache: None,
+            compiled: &compiled,
         },
         placement: PlacementRequest {
             plan: Some(Plan::CpuTail),

@@ -4,6 +4,7 @@
 mod gather;
 mod install;
 mod key_store;
+mod licences;
 mod pack;
 mod report;
 #[cfg(test)]
@@ -97,7 +98,12 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         &route,
     )?;
     let gathered = Gathered::new(&built, parts)?;
+    let texts = licences::texts(&repo)?;
     let contents = Contents {
+        licences: texts
+            .iter()
+            .map(|(name, text)| (*name, text.as_slice()))
+            .collect(),
         manifest: gathered.manifest(&repo, &route)?,
         resources: &repo.join("android/res"),
         debuggable: !options.release,
@@ -121,15 +127,18 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The repository this program was built from: the app is built from it too.
+/// The repository that the app is built from: cargo's where cargo runs this program, else the one around the current folder. The program itself knows no
+/// folder of the machine that it was built on.
 fn repository() -> anyhow::Result<PathBuf> {
-    let repo = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let manifest = repo.join("android/AndroidManifest.xml");
-    ensure!(
-        manifest.is_file(),
-        "the app is built from its sources, and {} is not there: run this in a clone of the repository",
-        manifest.display()
-    );
+    let current = std::env::current_dir().context("could not find the current folder")?;
+    let start = std::env::var_os("CARGO_MANIFEST_DIR").map_or(current, PathBuf::from);
+    let has_sources = |folder: &&Path| folder.join("android/AndroidManifest.xml").is_file();
+    let repo = start.ancestors().find(has_sources).with_context(|| {
+        format!(
+            "the app is built from its sources, and neither {} nor a folder above it has android/AndroidManifest.xml: run this in a clone of the repository",
+            start.display()
+        )
+    })?;
     repo.canonicalize()
         .with_context(|| format!("could not find {}", repo.display()))
 }

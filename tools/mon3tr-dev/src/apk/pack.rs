@@ -11,6 +11,8 @@ use zip::{CompressionMethod, DateTime, System, ZipArchive, ZipWriter};
 
 /// The processor that libraries are for.
 const ABI: &str = "arm64-v8a";
+/// The folder of licences in the package.
+const LICENCES: &str = "assets/licences";
 /// Where libraries start in the package, in bytes: at the largest page that Android has, so that they can be mapped as they lie.
 const LIBRARY_ALIGNMENT: u16 = 16 * 1024;
 
@@ -22,6 +24,8 @@ pub(super) struct Contents<'a> {
     pub(super) resources: &'a Path,
     /// Whether a debugger may attach to the app, and adb read its files.
     pub(super) debuggable: bool,
+    /// Texts of licences, which have to go with the programs, each with its name.
+    pub(super) licences: Vec<(&'a str, &'a [u8])>,
     /// Shared libraries for [`ABI`], each as `libNAME.so` with its bytes.
     pub(super) libraries: Vec<(&'a str, &'a [u8])>,
 }
@@ -43,8 +47,8 @@ impl Contents<'_> {
             path_to("signed.apk"),
         );
         self.link(tools, place.path(), &linked)?;
-        self.add_libraries(&linked, &unsigned)
-            .context("could not add the libraries to the package")?;
+        self.add_files(&linked, &unsigned)
+            .context("could not add libraries and licences to the package")?;
         let mut sign = key.sign(tools);
         // Every Android that the app runs on reads the third scheme; the second is there for stores and programs that do not.
         sign.args(["--v1-signing-enabled", "false"]);
@@ -74,8 +78,8 @@ impl Contents<'_> {
         succeed(link.arg("-o").arg(package).arg(&compiled))
     }
 
-    /// `package` from what is in `linked`, and the libraries.
-    fn add_libraries(&self, linked: &Path, package: &Path) -> anyhow::Result<()> {
+    /// `package` from what is in `linked`, the licences and the libraries.
+    fn add_files(&self, linked: &Path, package: &Path) -> anyhow::Result<()> {
         let mut linked = ZipArchive::new(File::open(linked)?)?;
         let mut zip = ZipWriter::new(File::create_new(package)?);
         // apksigner aligns these, to 4 bytes.
@@ -87,6 +91,14 @@ impl Contents<'_> {
             .last_modified_time(DateTime::DEFAULT)
             .system(System::Unix)
             .unix_permissions(0o644)
+            .compression_method(CompressionMethod::Deflated);
+        let mut licences = self.licences.clone();
+        licences.sort_unstable();
+        for (name, text) in licences {
+            zip.start_file(format!("{LICENCES}/{name}"), options)?;
+            zip.write_all(text)?;
+        }
+        let options = options
             .compression_method(CompressionMethod::Stored)
             .with_android_alignment(LIBRARY_ALIGNMENT);
         let mut libraries = self.libraries.clone();

@@ -61,6 +61,7 @@ fn pack(tools: &Tools, key: &Key, package: &Path) -> anyhow::Result<u64> {
         manifest: fs::read_to_string(repo.join("android/AndroidManifest.xml"))?,
         resources: &repo.join("android/res"),
         debuggable: false,
+        licences: vec![("second.txt", b"second"), ("first.txt", b"first")],
         libraries: vec![("libsecond.so", &[1; 5000]), ("libmain.so", &[2; 70_001])],
     };
     contents.pack(tools, key, package)
@@ -159,6 +160,8 @@ for one in archive.infolist():
     for name in [
         "AndroidManifest.xml",
         "resources.arsc",
+        "assets/licences/first.txt",
+        "assets/licences/second.txt",
         "lib/arm64-v8a/libmain.so",
         "lib/arm64-v8a/libsecond.so",
     ] {
@@ -199,6 +202,7 @@ fn what_cannot_be_packaged_is_named_and_leaves_what_was_there() {
             manifest: manifest.to_owned(),
             resources,
             debuggable: false,
+            licences: vec![("second.txt", b"second"), ("first.txt", b"first")],
             libraries: Vec::new(),
         };
         let error = contents.pack(&tools, &key, &package).expect_err(words);

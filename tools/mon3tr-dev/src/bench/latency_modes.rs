@@ -7,6 +7,7 @@
 
 use anyhow::{Context, bail};
 use app_kernels::state::{GaussianState, plane};
+use app_pipeline::compiled_sources::CompiledSources;
 use app_pipeline::deform::Deformer;
 use app_pipeline::inference::Inference;
 use app_pipeline::plan::Plan;
@@ -132,7 +133,13 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let provider = Provider::Cpu {
         threads: DeviceOptions::threads(),
     };
-    let inference = Inference::open(&runtime, &avatar, PLAN.graph(), &[provider], None)?;
+    let inference = Inference::open(
+        &runtime,
+        &avatar,
+        PLAN.graph(),
+        &[provider],
+        &CompiledSources::default(),
+    )?;
     let deformer = Deformer::new(&avatar, inference, PLAN)?;
     let mut measured = Measured {
         avatar: avatar.name.clone(),

@@ -112,6 +112,32 @@ fn its_permissions_are_exactly_the_documented_ones() {
 
 #[test]
 #[ignore = "builds the headset's library: ./run rehearse-android runs it"]
+fn the_licences_of_all_that_it_is_made_of_are_in_it() {
+    let Some(built) = built() else { return };
+    let Some(mut aapt) = android("aapt") else {
+        return;
+    };
+    let listed = output_of(aapt.arg("list").arg(&built.file));
+    for name in [
+        "LICENSE-APACHE",
+        "LICENSE-MIT",
+        "crates.txt",
+        "libraries.txt",
+        "notices.txt",
+    ] {
+        let name = format!("assets/licences/{name}");
+        assert!(listed.lines().any(|line| line == name), "{name}: {listed}");
+    }
+    let about = Path::new(REPO).join("android/licences.txt");
+    let about = std::fs::read_to_string(about).expect("the licences of libraries");
+    for (name, ..) in built.libraries() {
+        let is_told = about.contains(&name) || name == "libmain.so";
+        assert!(is_told, "android/licences.txt says nothing of {name}");
+    }
+}
+
+#[test]
+#[ignore = "builds the headset's library: ./run rehearse-android runs it"]
 fn zipalign_finds_it_aligned_and_libraries_start_on_pages_of_16_kib() {
     let Some(built) = built() else { return };
     for (name, _, start) in built.libraries() {

@@ -73,6 +73,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
             let (avatar, _) = load_avatar(package)?;
             // No other thread has it yet.
             let mut avatar = Arc::unwrap_or_clone(avatar);
+            keys::leave_out_foreign_code(&mut avatar)?;
             let compiled = npu.compile(&mut avatar)?;
             Written::Compiled(Compilation {
                 package: out.clone(),
@@ -138,25 +139,30 @@ impl Npu {
     }
 }
 
-/// Writes the package, signed if it was this user's, and gives its size in bytes.
+/// Writes the package, signed if it was this user's or nobody's and brings compiled graphs, which nobody takes of a package without a signature; gives its
+/// size in bytes.
 fn save(avatar: &Avatar, out: &Path) -> anyhow::Result<u64> {
     if let Some(folder) = out.parent() {
         make_folder(folder)?;
     }
-    let written = match avatar.signer {
-        None => avatar.save(out),
-        Some(signer) => {
-            let keyring = keys::open()?;
-            let own = keyring.identity();
-            if own.public() == signer {
-                avatar.save_signed(out, own)
-            } else {
-                println!(
-                    "{} is not signed any more: its signer is someone else",
-                    out.display()
-                );
-                avatar.save(out)
-            }
+    let written = if avatar.signer.is_none() && avatar.compiled.is_empty() {
+        avatar.save(out)
+    } else {
+        let keyring = keys::open()?;
+        let own = keyring.identity();
+        if avatar.signer.is_none_or(|signer| own.public() == signer) {
+            println!(
+                "{} is signed by {}",
+                out.display(),
+                own.public().fingerprint()
+            );
+            avatar.save_signed(out, own)
+        } else {
+            println!(
+                "{} is not signed any more, since its signer is someone else: nobody will use its compiled graph",
+                out.display()
+            );
+            avatar.save(out)
         }
     };
     written.with_context(|| format!("cannot write {}", out.display()))

@@ -1,4 +1,4 @@
-//! `mon3tr keys`: one's own key, and who may drive one's avatars.
+//! `mon3tr keys`: one's own key, who may drive one's avatars, and whose packages may bring compiled code.
 
 use crate::keys;
 use anyhow::{Context, bail};
@@ -30,6 +30,15 @@ enum What {
         /// OWNER KEY UNTIL SIGNATURE
         #[arg(required = true, num_args = 1..=4)]
         permit: Vec<String>,
+    },
+    /// Trust a key to bring graphs compiled for your NPU in the packages that it signs: they are code that cannot be checked. Everyone else's graphs are
+    /// compiled here
+    Trust {
+        /// The key, as `mon3tr keys` prints it there
+        key: PublicKey,
+        /// Trust it no longer
+        #[arg(long)]
+        remove: bool,
     },
     /// Sign an avatar's package as yours: others then let nobody else drive it
     Sign {
@@ -63,6 +72,9 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
                     permit.owner().fingerprint()
                 );
             }
+            for key in keyring.trusted()? {
+                println!("trusts            {key}, by whom graphs may be compiled");
+            }
         }
         Some(What::Allow { key, days }) => {
             let permit = Permit::new(keyring.identity(), *key, now + days * DAY);
@@ -85,6 +97,22 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
             println!(
                 "this machine may drive the avatars of {}",
                 permit.owner().fingerprint()
+            );
+        }
+        Some(What::Trust { key, remove: false }) => {
+            keyring.trust(*key)?;
+            println!(
+                "graphs that {} compiled for your NPU are used from now on",
+                key.fingerprint()
+            );
+        }
+        Some(What::Trust { key, remove: true }) => {
+            if !keyring.distrust(*key)? {
+                bail!("{} was not trusted", key.fingerprint());
+            }
+            println!(
+                "graphs that {} compiled are not used any more",
+                key.fingerprint()
             );
         }
         Some(What::Sign { package }) => {

@@ -76,6 +76,7 @@ fn an_audience_gets_the_same_motion_and_voice_also_after_the_sender_has_come_bac
     let keys = Keyring::open(
         house.path("forwarder.key").into(),
         house.path("permits").into(),
+        house.path("trusted").into(),
     )
     .expect("a key");
     let key = keys.identity().public().to_string();

@@ -6,6 +6,7 @@ use crate::floor::scene;
 use crate::placements::every_placement_poses_it_alike;
 use crate::support::{Outcome, command, json, mon3tr};
 use app_kernels::state::plane;
+use app_pipeline::compiled_sources::CompiledSources;
 use app_pipeline::deform::Deformer;
 use app_pipeline::inference::Inference;
 use app_pipeline::plan::Plan;
@@ -189,8 +190,14 @@ fn the_person_is_drawn_as_the_reference_says(package: &Path, gpu: &Arc<Gpu>, run
     let avatar = Arc::new(avatar);
     let plan = Plan::CpuTail;
     let providers = [Provider::Cpu { threads: 2 }];
-    let inference = Inference::open(runtime, &avatar, plan.graph(), &providers, None)
-        .expect("the deform graph loads");
+    let inference = Inference::open(
+        runtime,
+        &avatar,
+        plan.graph(),
+        &providers,
+        &CompiledSources::default(),
+    )
+    .expect("the deform graph loads");
     let mut deformer = Deformer::new(&avatar, inference, plan).expect("the networks are read");
     let clip = MotionClip::built_in(&avatar.skeleton, &avatar.expressions, LOOP_SECONDS, 30.0)
         .expect("a motion");

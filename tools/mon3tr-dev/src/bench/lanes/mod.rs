@@ -15,7 +15,7 @@ use app_pipeline::plan::{PlacementRequest, Plan};
 use app_pipeline::posing::bound_mesh;
 use format::Format;
 use mon3tr::commands::bake::{BakeChoices, chosen_or_demo_avatar};
-use mon3tr::device_options::{DeviceOptions, cache, describe};
+use mon3tr::device_options::{DeviceOptions, compiled, describe};
 use mon3tr::network::parse_seconds;
 use mon3tr::performance::MotionOptions;
 use mon3tr::report::{check_writable, write_json};
@@ -110,7 +110,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         measured.device,
         measured.onnx_runtime
     );
-    let compiled = cache()?.join("qnn");
+    let compiled = compiled()?;
     let mesh = matches!(options.placement.plan, None | Some(Plan::Gpu))
         .then(|| bound_mesh(&avatar))
         .transpose()?
@@ -137,7 +137,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         let backends = InferenceBackends {
             runtime: &runtime,
             threads: measured.cores,
-            cache: Some(&compiled),
+            compiled: &compiled,
         };
         let cameras = eyes(camera, views);
         let Placed { plan, report, .. } = place(
@@ -151,6 +151,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         let scene = Scene {
             gpu: &gpu,
             runtime: &runtime,
+            compiled: &compiled,
             avatar: &avatar,
             frames: &frames,
             viewpoint,

@@ -2,6 +2,7 @@
 
 use super::clip::Clip;
 use anyhow::{Context, ensure};
+use app_pipeline::compiled_sources::CompiledSources;
 use app_pipeline::inference::Inference;
 use app_pipeline::lanes::{DisplayClock, Drawn, FinishedPerson, LaneOptions, Lanes, Skipped};
 use app_pipeline::plan::Plan;
@@ -10,7 +11,6 @@ use app_pipeline::quality::QualityMode;
 use app_pipeline::stage::{Stage, Unit};
 use app_pipeline::timeline::LatencyMode;
 use glam::{Quat, Vec3};
-use mon3tr::device_options::cache;
 use mon3tr::performance::MOTION_RATE;
 use mon3tr::stills::RenderSettings;
 use mon3tr::viewpoint::{Viewpoint, eyes};
@@ -34,6 +34,7 @@ const DISPLAY_HZ: f64 = 1000.0;
 pub(super) struct Scene<'a> {
     pub(super) gpu: &'a Arc<Gpu>,
     pub(super) runtime: &'a Runtime,
+    pub(super) compiled: &'a CompiledSources,
     pub(super) avatar: &'a Arc<Avatar>,
     pub(super) frames: &'a Arc<[MotionParams]>,
     pub(super) viewpoint: Viewpoint,
@@ -67,14 +68,13 @@ impl Scene<'_> {
     }
 
     pub(super) fn inference(&self) -> anyhow::Result<Inference> {
-        let compiled = cache()?.join("qnn");
         let graph = self.plan.graph();
         Ok(Inference::open(
             self.runtime,
             self.avatar,
             graph,
             &[self.provider],
-            Some(&compiled),
+            self.compiled,
         )?)
     }
 
