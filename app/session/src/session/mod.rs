@@ -6,7 +6,9 @@ pub use report::SessionReport;
 
 use crate::attendee::{Attendee, PersonReport};
 use crate::display::attendance::{Attendance, Doorway, Ready};
-use crate::display::{Display, DisplayNeeds, LiveSession, SCENERY_GAUSSIANS, SessionError};
+use crate::display::{
+    Display, DisplayNeeds, LiveSession, SCENERY_GAUSSIANS, SessionError, SessionObserver,
+};
 use crate::participant::{Origin, Participant, PersonSource};
 use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;
@@ -46,6 +48,7 @@ pub struct Session<'a> {
     config: SessionConfig<'a>,
     participants: Vec<Participant>,
     newcomers: Option<Receiver<Participant>>,
+    observer: Option<&'a mut (dyn SessionObserver + 'static)>,
     control: Control,
 }
 
@@ -67,7 +70,17 @@ impl<'a> Session<'a> {
             config,
             participants,
             newcomers: None,
+            observer: None,
             control,
+        }
+    }
+
+    /// Has `observer` look on while it is shown.
+    #[must_use]
+    pub fn observed(self, observer: &'a mut (dyn SessionObserver + 'static)) -> Self {
+        Self {
+            observer: Some(observer),
+            ..self
         }
     }
 
@@ -89,6 +102,7 @@ impl<'a> Session<'a> {
     /// joined. That one of several people cannot be shown any longer is no error of all: [`PersonReport::error`] tells.
     pub fn run(mut self, display: &mut dyn Display) -> Result<SessionReport, SessionError> {
         let newcomers = self.newcomers.take();
+        let observer = self.observer.take();
         let control = &self.control;
         if self.participants.len() > MOST_PEOPLE {
             return Err(ReceiverError::TooManyPeople { most: MOST_PEOPLE }.into());
@@ -155,6 +169,7 @@ impl<'a> Session<'a> {
                     .take_while(|person| matches!(person.origin, Origin::Own(_)))
                     .count(),
                 attendance: attendance.as_mut(),
+                observer,
             });
             ended = Instant::now();
             drop(set_at_end);
