@@ -73,7 +73,9 @@ impl Process {
             Output::Shown => (Stdio::inherit(), Stdio::inherit()),
             Output::Dropped => (Stdio::null(), Stdio::inherit()),
             Output::Kept(file) => {
-                let same = file.try_clone().context("cannot share the file for output")?;
+                let same = file
+                    .try_clone()
+                    .context("cannot share the file for output")?;
                 (file.into(), same.into())
             }
         };

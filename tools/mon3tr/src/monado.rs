@@ -135,7 +135,10 @@ impl Monado {
     pub fn environment(&self) -> Vec<(&'static str, OsString)> {
         vec![
             ("XDG_RUNTIME_DIR", self.folder.path().into()),
-            ("XR_RUNTIME_JSON", self.programs.join("openxr_monado.json").into()),
+            (
+                "XR_RUNTIME_JSON",
+                self.programs.join("openxr_monado.json").into(),
+            ),
             // The runtime's library tells much that is of use to its authors.
             ("XRT_LOG", "warn".into()),
             ("OXR_NO_PRINTING_STDERR", "1".into()),

@@ -24,7 +24,7 @@ use spmm3::Avatar;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, channel};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// People that a call's first renderer has room for, each with as many Gaussians as oneself.
 const EXPECTED_PEOPLE: u32 = 3;
@@ -128,7 +128,9 @@ impl<'a> Session<'a> {
         let like = people.first().map(|first| first.placement.clone());
         // Also when it is time to leave: the calls that were joined say goodbye at their end.
         let step = control.step();
-        let mut lanes = self.start(&needs, &avatars, placed, renderer, sources)?;
+        let mut lanes = self.start(needs.period, &avatars, placed, renderer, sources)?;
+        // Its device would outlive its headset, which comes back with another one.
+        drop(needs);
         drop(step);
         let began = Instant::now();
         let over = AtomicBool::new(false);
@@ -269,7 +271,7 @@ impl<'a> Session<'a> {
 
     fn start(
         &self,
-        needs: &DisplayNeeds,
+        display_period: Duration,
         avatars: &[Arc<Avatar>],
         placed: Vec<Placed>,
         renderer: SplatRenderer,
@@ -281,7 +283,7 @@ impl<'a> Session<'a> {
             plan: placed.plan,
             latency: self.config.latency,
             quality: self.config.quality,
-            display_period: needs.period,
+            display_period,
         };
         // Networks are repacked for the kernels by several threads, which must end with that: the app may outlive many calls.
         let lanes = in_own_pool("start", move || {

@@ -1,9 +1,9 @@
 //! The call that is looked at: server, sender and receiver, each a process, a network that loses packets, and a headset's runtime.
 
+use super::judgement::Outcome;
 use super::person::Person;
 use super::sample::{Sample, Shown};
 use super::usage::{Usage, has_loaded, load};
-use super::judgement::Outcome;
 use anyhow::{Context, anyhow, ensure};
 use link_http::Client;
 use mon3tr::children::{LocalServer, Output, Process};
@@ -79,8 +79,7 @@ impl<'a> Call<'a> {
         }))?;
         let through_lab = viewer_link.at(format!("http://{}", lab.address()).parse()?);
         let file = |name: &str| out.join(name);
-        let mut sending: Vec<OsString> =
-            ["--room".into(), sender_link.to_string().into()].to_vec();
+        let mut sending: Vec<OsString> = ["--room".into(), sender_link.to_string().into()].to_vec();
         for (option, path) in [
             ("--avatar", &person.avatar),
             ("--motion", &person.motion),
@@ -113,9 +112,9 @@ impl<'a> Call<'a> {
         .to_vec();
         let mut environment = monado.environment();
         environment.push(("VK_INSTANCE_LAYERS", LAYER.0.into()));
-        let log = File::create(&said).with_context(|| format!("cannot write {}", said.display()))?;
-        let receiver =
-            Process::start_in(environment, "receive", receiving, Output::Kept(log))?;
+        let log =
+            File::create(&said).with_context(|| format!("cannot write {}", said.display()))?;
+        let receiver = Process::start_in(environment, "receive", receiving, Output::Kept(log))?;
         Ok(Self {
             network,
             receiver,
@@ -268,7 +267,11 @@ mod tests {
         let mut file = File::create(&path).expect("a file");
         let mut write = |text: &str| file.write_all(text.as_bytes()).expect("it is written");
         write("one\ntw");
-        assert_eq!(tail.lines().expect("a file"), ["one"], "half a line is none");
+        assert_eq!(
+            tail.lines().expect("a file"),
+            ["one"],
+            "half a line is none"
+        );
         write("o\nthree\n");
         assert_eq!(tail.lines().expect("a file"), ["two", "three"], "its rest");
         assert_eq!(tail.lines().expect("a file"), none, "nothing new");

@@ -67,7 +67,12 @@ pub(super) fn rows(samples: &[Sample], schedule: &Schedule, outcome: Outcome) ->
     for (k, program) in PROGRAMS.into_iter().enumerate() {
         let usage = |value: fn(&Usage) -> f64| {
             move |window: &[&Sample]| {
-                median(window.iter().filter_map(|one| one.processes.get(k)).map(value))
+                median(
+                    window
+                        .iter()
+                        .filter_map(|one| one.processes.get(k))
+                        .map(value),
+                )
             }
         };
         rows.extend([
@@ -126,7 +131,12 @@ pub(super) fn rows(samples: &[Sample], schedule: &Schedule, outcome: Outcome) ->
             outcome.opened,
             1 + schedule.restarts.len() as u64,
         ),
-        Row::of_all(receive, "connections with the sender", outcome.connections, 1),
+        Row::of_all(
+            receive,
+            "connections with the sender",
+            outcome.connections,
+            1,
+        ),
         row("machine", "load", Rule::Told, &|window| {
             median(window.iter().filter_map(|one| one.load))
         }),

@@ -102,7 +102,12 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         seconds(schedule.restarts[0]),
         seconds(schedule.restarts[1])
     );
-    let samples = watch(&mut call, &schedule, &options.out.join("samples.csv"), &stop)?;
+    let samples = watch(
+        &mut call,
+        &schedule,
+        &options.out.join("samples.csv"),
+        &stop,
+    )?;
     let outcome = call.end()?;
     let rows = rows(&samples, &schedule, outcome);
     println!(
@@ -117,8 +122,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     }
     let report = Report {
         minutes: seconds(schedule.length) / 60.0,
-        windows: [&schedule.first, &schedule.last]
-            .map(|time| [time.start, time.end].map(seconds)),
+        windows: [&schedule.first, &schedule.last].map(|time| [time.start, time.end].map(seconds)),
         restarts: schedule.restarts.map(seconds).to_vec(),
         rows: &rows,
     };
@@ -166,7 +170,10 @@ fn watch(
     let mut back = None;
     while begun.elapsed() < schedule.length {
         if stop.load(Relaxed) {
-            bail!("stopped before the end: what was seen until then is in {}", file.display());
+            bail!(
+                "stopped before the end: what was seen until then is in {}",
+                file.display()
+            );
         }
         let now = begun.elapsed();
         if kill.is_some_and(|at| now >= *at) {

@@ -114,7 +114,9 @@ mod tests {
         let file = syllables(folder.path()).expect("it is written");
         sender::VoiceFile::open(&file).expect("it fits");
         let wav = hound::WavReader::open(&file).expect("it is one");
-        let loudest = wav.into_samples::<i16>().map(|one| one.expect("whole").abs());
+        let loudest = wav
+            .into_samples::<i16>()
+            .map(|one| one.expect("whole").abs());
         assert!(loudest.max() > Some(5000), "it is heard");
     }
 }

@@ -94,7 +94,11 @@ fn memory_may_grow_by_a_fiftieth_in_each_process() {
         };
         assert_eq!(failing(&grown(0.02), GOOD), [], "{program}: a little");
         let leaks = [(program, "resident memory, MB")];
-        assert_eq!(failing(&grown(0.03), GOOD), leaks, "{program}: 3 % in an hour");
+        assert_eq!(
+            failing(&grown(0.03), GOOD),
+            leaks,
+            "{program}: 3 % in an hour"
+        );
     }
 }
 
@@ -104,7 +108,11 @@ fn memory_that_each_restart_leaves_behind_is_growth() {
         let restarts = f64::from(u8::from(at > 0.4)) + f64::from(u8::from(at > 0.6));
         shown(sample).device_bytes = more(80_000_000, 0.05 * restarts);
     });
-    assert_eq!(failing(&samples, GOOD), [("receive", "device memory, MB")], "the device's");
+    assert_eq!(
+        failing(&samples, GOOD),
+        [("receive", "device memory, MB")],
+        "the device's"
+    );
 }
 
 #[test]
@@ -135,7 +143,11 @@ fn latency_may_grow_by_a_fifth() {
 #[test]
 fn one_validation_message_at_any_time_is_too_many() {
     let samples = hour(|sample, at| sample.validation_messages = u64::from(at > 0.01));
-    assert_eq!(failing(&samples, GOOD), [("receive", "validation messages")], "one");
+    assert_eq!(
+        failing(&samples, GOOD),
+        [("receive", "validation messages")],
+        "one"
+    );
 }
 
 #[test]
@@ -172,11 +184,24 @@ fn the_table_says_what_fails() {
     let samples = hour(|sample, at| sample.processes[0].descriptors += u64::from(at > 0.5));
     let schedule = Schedule::of(Duration::from_mins(60));
     let table = table(&rows(&samples, &schedule, GOOD));
-    let failing: Vec<_> = table.iter().filter(|line| line.ends_with("FAILS")).collect();
+    let failing: Vec<_> = table
+        .iter()
+        .filter(|line| line.ends_with("FAILS"))
+        .collect();
     let [line] = failing[..] else {
         panic!("one line: {table:#?}")
     };
     let words: Vec<_> = line.split_whitespace().collect();
-    let told = ["serve", "descriptors", "40", "41", "+2.5", "%", "no", "more", "FAILS"];
+    let told = [
+        "serve",
+        "descriptors",
+        "40",
+        "41",
+        "+2.5",
+        "%",
+        "no",
+        "more",
+        "FAILS",
+    ];
     assert_eq!(words, told, "{table:#?}");
 }

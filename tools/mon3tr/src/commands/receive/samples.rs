@@ -51,7 +51,8 @@ impl Samples {
     /// # Errors
     /// If it cannot be made.
     pub(super) fn create(path: &Path) -> anyhow::Result<Self> {
-        let file = File::create(path).with_context(|| format!("cannot write {}", path.display()))?;
+        let file =
+            File::create(path).with_context(|| format!("cannot write {}", path.display()))?;
         Ok(Self {
             file,
             begun: None,
