@@ -10,6 +10,7 @@ mod capture;
 mod eval;
 mod netlab;
 mod reconstruct;
+mod soak;
 
 use clap::{Parser, Subcommand};
 use mon3tr::program::{self, SharedOptions};
@@ -43,6 +44,8 @@ enum Command {
     Netlab(netlab::Options),
     /// Train an avatar from a capture's pictures
     Reconstruct(reconstruct::Options),
+    /// Hold a long call on this machine, and tell whether it takes more and more: memory, descriptors, threads, time
+    Soak(soak::Options),
 }
 
 fn main() -> ExitCode {
@@ -57,6 +60,7 @@ fn main() -> ExitCode {
         Command::Eval(options) => eval::run(options, device),
         Command::Netlab(options) => netlab::run(options),
         Command::Reconstruct(options) => reconstruct::run(options, device),
+        Command::Soak(options) => soak::run(options, device),
     })
 }
 

@@ -5,6 +5,7 @@ use link_http::Client;
 use link_protocol::RoomLink;
 use link_protocol::room_link::ServerUrl;
 use std::ffi::{OsStr, OsString};
+use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::net::SocketAddr;
 use std::path::Path;
@@ -23,12 +24,14 @@ pub struct Process {
 }
 
 /// What becomes of a process' standard output.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug)]
 pub enum Output {
     /// It goes where this process' goes.
     Shown,
     /// It is not read.
     Dropped,
+    /// It goes into this file, and so do errors and warnings.
+    Kept(File),
 }
 
 impl Process {
@@ -66,15 +69,22 @@ impl Process {
         output: Output,
         environment: Vec<(&'static str, OsString)>,
     ) -> anyhow::Result<Self> {
-        let stdout = match output {
-            Output::Shown => Stdio::inherit(),
-            Output::Dropped => Stdio::null(),
+        let (stdout, stderr) = match output {
+            Output::Shown => (Stdio::inherit(), Stdio::inherit()),
+            Output::Dropped => (Stdio::null(), Stdio::inherit()),
+            Output::Kept(file) => {
+                let same = file
+                    .try_clone()
+                    .context("cannot share the file for output")?;
+                (file.into(), same.into())
+            }
         };
         Ok(Self {
             name,
             child: command(name, arguments)?
                 .envs(environment)
                 .stdout(stdout)
+                .stderr(stderr)
                 .spawn()
                 .with_context(|| format!("cannot start `mon3tr {name}`"))?,
         })
@@ -123,7 +133,10 @@ impl Process {
     }
 
     /// An error if it has failed, which it has told itself; that it has ended is none.
-    pub(crate) fn check(&mut self) -> anyhow::Result<()> {
+    ///
+    /// # Errors
+    /// As said.
+    pub fn check(&mut self) -> anyhow::Result<()> {
         let name = self.name;
         let status = self.child.try_wait();
         match status.with_context(|| format!("cannot watch `mon3tr {name}`"))? {
@@ -287,6 +300,20 @@ impl LocalServer {
     pub async fn open_room(&self, client: &Client) -> anyhow::Result<(RoomLink, RoomLink)> {
         let room = client.open_room(&self.url, &self.owner_token, None).await?;
         Ok((room.sender, room.viewer))
+    }
+
+    /// The system's number of its process.
+    #[must_use]
+    pub fn id(&self) -> u32 {
+        self.process.id()
+    }
+
+    /// An error if it has failed.
+    ///
+    /// # Errors
+    /// As said.
+    pub fn check(&mut self) -> anyhow::Result<()> {
+        self.process.check()
     }
 
     /// Ends it.

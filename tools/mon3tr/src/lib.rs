@@ -18,7 +18,7 @@ mod ground;
 pub mod keys;
 mod lanes;
 mod moments;
-mod monado;
+pub mod monado;
 pub mod network;
 mod notice;
 pub mod performance;

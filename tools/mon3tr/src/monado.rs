@@ -24,11 +24,11 @@ const ACTIVE: &str = "openxr/1/active_runtime.json";
 
 /// A running service, with a runtime directory of its own; both go when this is dropped.
 #[derive(Debug)]
-pub(crate) struct Monado {
+pub struct Monado {
     service: Child,
     folder: TempDir,
     log: PathBuf,
-    manifest: PathBuf,
+    programs: PathBuf,
 }
 
 /// Whether a runtime is active on this machine: a headset's own software.
@@ -46,7 +46,10 @@ pub(crate) fn is_another_active() -> bool {
 
 impl Monado {
     /// Starts the service with a simulated headset, and waits until it listens.
-    pub(crate) fn start() -> anyhow::Result<Self> {
+    ///
+    /// # Errors
+    /// If there is none here, or it does not start.
+    pub fn start() -> anyhow::Result<Self> {
         let Some(programs) = std::env::var_os(FOLDER).filter(|folder| !folder.is_empty()) else {
             bail!(
                 "no OpenXR runtime is active, and there is no Monado to start instead: start through ./run, which fetches it, \
@@ -59,35 +62,38 @@ impl Monado {
             .tempdir()
             .context("cannot make a runtime directory for Monado")?;
         let log = folder.path().join("log");
-        let output = File::create(&log).context("cannot write Monado's log")?;
-        let errors = output.try_clone().context("cannot write Monado's log")?;
-        let program = programs.join("run");
-        let mut command = Command::new(&program);
-        end_with_this(&mut command);
-        let service = command
-            .env("XDG_RUNTIME_DIR", folder.path())
-            .env("XDG_CONFIG_HOME", folder.path())
-            // What it composes is shown nowhere.
-            .env("XRT_COMPOSITOR_NULL", "1")
-            .env("SIMULATED_ENABLE", "1")
-            .env("SIMULATED_LEFT", "simple")
-            .env("SIMULATED_RIGHT", "simple")
-            .env("XRT_NO_STDIN", "1")
-            // It ends with the one who used it, even if this process is killed.
-            .env("IPC_EXIT_ON_DISCONNECT", "1")
-            .stdin(Stdio::null())
-            .stdout(output)
-            .stderr(errors)
-            .spawn()
-            .with_context(|| format!("cannot start Monado ({})", program.display()))?;
         let mut monado = Self {
-            service,
+            service: launch(&programs, folder.path(), &log)?,
             folder,
             log,
-            manifest: programs.join("openxr_monado.json"),
+            programs,
         };
         monado.wait()?;
         Ok(monado)
+    }
+
+    /// Ends the service as a crash would.
+    pub fn kill(&mut self) {
+        // It may have ended with its last client.
+        let _ = self.service.kill();
+        let _ = self.service.wait();
+    }
+
+    /// Starts it again after [`Self::kill`], where its clients look for it.
+    ///
+    /// # Errors
+    /// If it does not start.
+    pub fn restart(&mut self) -> anyhow::Result<()> {
+        self.kill();
+        // One that was killed leaves its own, which is not to be taken for the new one's.
+        match std::fs::remove_file(self.folder.path().join(SOCKET)) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                return Err(error).context("cannot remove the socket of the Monado before");
+            }
+            _ => {}
+        }
+        self.service = launch(&self.programs, self.folder.path(), &self.log)?;
+        self.wait()
     }
 
     fn wait(&mut self) -> anyhow::Result<()> {
@@ -125,10 +131,14 @@ impl Monado {
     }
 
     /// What a program finds it by.
-    pub(crate) fn environment(&self) -> Vec<(&'static str, OsString)> {
+    #[must_use]
+    pub fn environment(&self) -> Vec<(&'static str, OsString)> {
         vec![
             ("XDG_RUNTIME_DIR", self.folder.path().into()),
-            ("XR_RUNTIME_JSON", self.manifest.clone().into()),
+            (
+                "XR_RUNTIME_JSON",
+                self.programs.join("openxr_monado.json").into(),
+            ),
             // The runtime's library tells much that is of use to its authors.
             ("XRT_LOG", "warn".into()),
             ("OXR_NO_PRINTING_STDERR", "1".into()),
@@ -138,8 +148,32 @@ impl Monado {
 
 impl Drop for Monado {
     fn drop(&mut self) {
-        // It may have ended with its last client.
-        let _ = self.service.kill();
-        let _ = self.service.wait();
+        self.kill();
     }
+}
+
+fn launch(programs: &Path, folder: &Path, log: &Path) -> anyhow::Result<Child> {
+    let open = || {
+        let file = File::options().create(true).append(true).open(log);
+        file.context("cannot write Monado's log")
+    };
+    let program = programs.join("run");
+    let mut command = Command::new(&program);
+    end_with_this(&mut command);
+    command
+        .env("XDG_RUNTIME_DIR", folder)
+        .env("XDG_CONFIG_HOME", folder)
+        // What it composes is shown nowhere.
+        .env("XRT_COMPOSITOR_NULL", "1")
+        .env("SIMULATED_ENABLE", "1")
+        .env("SIMULATED_LEFT", "simple")
+        .env("SIMULATED_RIGHT", "simple")
+        .env("XRT_NO_STDIN", "1")
+        // It ends with the one who used it, even if this process is killed.
+        .env("IPC_EXIT_ON_DISCONNECT", "1")
+        .stdin(Stdio::null())
+        .stdout(open()?)
+        .stderr(open()?)
+        .spawn()
+        .with_context(|| format!("cannot start Monado ({})", program.display()))
 }

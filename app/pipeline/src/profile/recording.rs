@@ -4,6 +4,7 @@
 //! fit is counted, not waited for.
 
 use super::frame_times::FrameTimes;
+use crate::concealment::ConcealmentState;
 use crate::stage::{Lane, Stage};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::collections::VecDeque;
@@ -134,14 +135,47 @@ pub struct Collector {
 
 impl Default for Collector {
     fn default() -> Self {
+        let now = Instant::now();
+        let span = Span {
+            lane: Lane::Motion,
+            stage: Stage::Kinematics,
+            frame: 0,
+            begin: now,
+            end: now,
+        };
+        let frame = FrameTimes::new(ConcealmentState::Resting, now);
+        let picture = PictureTimes {
+            number: 0,
+            from: frame,
+            to: frame,
+            alpha: 0.0,
+            interpolated_for: 0,
+            interpolation: [now; 2],
+            begun: now,
+            sorted: now,
+            drawn: now,
+            displayed: now,
+            predicted: now,
+            repeated: false,
+            gaussians: 0,
+            scale: 1.0,
+        };
         Self {
             queues: Vec::with_capacity(Lane::ALL.len()),
             lost: Arc::default(),
-            spans: VecDeque::with_capacity(SPANS),
-            pictures: VecDeque::with_capacity(PICTURES),
+            spans: room(span, SPANS),
+            pictures: room(picture, PICTURES),
             known_since: None,
         }
     }
+}
+
+/// Room for so many, each page of it written to: memory that a call takes is taken when it begins, not in its first ten minutes, page by
+/// page.
+fn room<T: Copy>(any: T, count: usize) -> VecDeque<T> {
+    let mut room = VecDeque::from(vec![any; count]);
+    room.clear();
+    room
 }
 
 impl Collector {

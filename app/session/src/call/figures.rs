@@ -1,5 +1,6 @@
 //! What a call's frames cost in time, and what became of them.
 
+use super::times::Times;
 use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::profile::Percentiles;
 use link_call::viewer::ViewerStatistics;
@@ -8,9 +9,6 @@ use link_playout::jitter_buffer::{PlayoutStatistics, Timing};
 use link_protocol::Announcement;
 use link_voice::VoiceStatistics;
 use serde::Serialize;
-
-/// Samples kept of each kind: nine hours at 30 Hz. Later frames are not counted in percentiles.
-const MOST_SAMPLES: usize = 1 << 20;
 
 /// A pause between frames that is worth telling, and how many are told.
 const GAP_MS: f64 = 250.0;
@@ -93,32 +91,31 @@ pub(super) struct Log {
     first: Option<Micros>,
     last: Option<Micros>,
     released: u64,
-    network: Vec<f64>,
-    held: Vec<f64>,
-    hand_over: Vec<f64>,
-    added: Vec<f64>,
-    whole: Vec<f64>,
-    mouth_to_ear: Vec<f64>,
-    apart: Vec<f64>,
+    network: Times,
+    held: Times,
+    hand_over: Times,
+    added: Times,
+    whole: Times,
+    mouth_to_ear: Times,
+    apart: Times,
     gaps: Vec<Gap>,
     shown: [u64; ConcealmentState::ALL.len()],
 }
 
 impl Log {
     pub(super) fn new(begun: Micros) -> Self {
-        let samples = || Vec::with_capacity(1 << 14);
         Self {
             begun,
             first: None,
             last: None,
             released: 0,
-            network: samples(),
-            held: samples(),
-            hand_over: samples(),
-            added: samples(),
-            whole: samples(),
-            mouth_to_ear: samples(),
-            apart: samples(),
+            network: Times::new(),
+            held: Times::new(),
+            hand_over: Times::new(),
+            added: Times::new(),
+            whole: Times::new(),
+            mouth_to_ear: Times::new(),
+            apart: Times::new(),
             gaps: Vec::with_capacity(MOST_GAPS),
             shown: [0; ConcealmentState::ALL.len()],
         }
@@ -135,9 +132,6 @@ impl Log {
                 let at_s = ms_between(self.begun, last) / 1e3;
                 self.gaps.push(Gap { at_s, ms });
             }
-        }
-        if self.held.len() == MOST_SAMPLES {
-            return;
         }
         let ready = timing.due.max(timing.arrived);
         let held = ms_between(timing.arrived, ready);
@@ -200,13 +194,13 @@ impl Log {
             duplicate: playout.duplicate,
             voice,
             latency: LatencyFigures {
-                network: Percentiles::of(&self.network),
-                jitter_buffer: Percentiles::of(&self.held),
-                hand_over: Percentiles::of(&self.hand_over),
-                added: Percentiles::of(&self.added),
-                capture_to_deform: Percentiles::of(&self.whole),
-                mouth_to_ear: Percentiles::of(&self.mouth_to_ear),
-                voice_apart: Percentiles::of(&self.apart),
+                network: self.network.percentiles(),
+                jitter_buffer: self.held.percentiles(),
+                hand_over: self.hand_over.percentiles(),
+                added: self.added.percentiles(),
+                capture_to_deform: self.whole.percentiles(),
+                mouth_to_ear: self.mouth_to_ear.percentiles(),
+                voice_apart: self.apart.percentiles(),
                 jitter_buffer_depth_ms: playout.delay.as_secs_f64() * 1e3,
             },
             gaps: self.gaps.clone(),

@@ -1,6 +1,7 @@
 //! The receiver's end of a call: what arrives goes through the jitter buffer and motion concealment, and becomes the motion to show now.
 
 mod figures;
+mod times;
 mod watch;
 
 pub use figures::{CallFigures, Gap, LatencyFigures};

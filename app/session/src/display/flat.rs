@@ -149,6 +149,7 @@ impl<'a> FlatView<'a> {
         &mut self,
         session: &mut LiveSession<'_>,
     ) -> Result<Option<Standpoint>, SessionError> {
+        session.observe();
         session.admit()?;
         self.begun = Instant::now();
         let tick = self.clock.tick(self.begun);

@@ -74,6 +74,14 @@ pub struct LiveSession<'a> {
     pub(crate) own: usize,
     /// Where newcomers are taken in.
     pub(crate) attendance: Option<&'a mut Attendance>,
+    /// Looks on.
+    pub(crate) observer: Option<&'a mut (dyn SessionObserver + 'static)>,
+}
+
+/// Looks on while a session is shown, on whichever display.
+pub trait SessionObserver: std::fmt::Debug + Send {
+    /// Called before each picture, by the thread that draws: what it does is to be quick.
+    fn look(&mut self, lanes: &mut Lanes<PersonSource>, people: &[Attendee]);
 }
 
 impl LiveSession<'_> {
@@ -90,6 +98,13 @@ impl LiveSession<'_> {
             numbers.extend(newcomer.join(self.lanes, self.people, departed)?);
         }
         Ok(numbers)
+    }
+
+    /// Lets the observer look, if there is one.
+    pub(crate) fn observe(&mut self) {
+        if let Some(observer) = self.observer.as_deref_mut() {
+            observer.look(self.lanes, self.people);
+        }
     }
 
     /// Whether people come and go.

@@ -230,6 +230,7 @@ impl<'a> Frames<'a> {
         session: &mut Session,
         leaving: bool,
     ) -> Result<Option<SessionEnd>, SessionError> {
+        self.people.observe();
         for newcomer in self.people.admit()? {
             self.places.forget(&self.people, newcomer);
         }

@@ -6,7 +6,9 @@ pub use report::SessionReport;
 
 use crate::attendee::{Attendee, PersonReport};
 use crate::display::attendance::{Attendance, Doorway, Ready};
-use crate::display::{Display, DisplayNeeds, LiveSession, SCENERY_GAUSSIANS, SessionError};
+use crate::display::{
+    Display, DisplayNeeds, LiveSession, SCENERY_GAUSSIANS, SessionError, SessionObserver,
+};
 use crate::participant::{Origin, Participant, PersonSource};
 use app_pipeline::control::Control;
 use app_pipeline::error::ReceiverError;
@@ -22,7 +24,7 @@ use spmm3::Avatar;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, channel};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// People that a call's first renderer has room for, each with as many Gaussians as oneself.
 const EXPECTED_PEOPLE: u32 = 3;
@@ -46,6 +48,7 @@ pub struct Session<'a> {
     config: SessionConfig<'a>,
     participants: Vec<Participant>,
     newcomers: Option<Receiver<Participant>>,
+    observer: Option<&'a mut (dyn SessionObserver + 'static)>,
     control: Control,
 }
 
@@ -67,7 +70,17 @@ impl<'a> Session<'a> {
             config,
             participants,
             newcomers: None,
+            observer: None,
             control,
+        }
+    }
+
+    /// Has `observer` look on while it is shown.
+    #[must_use]
+    pub fn observed(self, observer: &'a mut (dyn SessionObserver + 'static)) -> Self {
+        Self {
+            observer: Some(observer),
+            ..self
         }
     }
 
@@ -89,6 +102,7 @@ impl<'a> Session<'a> {
     /// joined. That one of several people cannot be shown any longer is no error of all: [`PersonReport::error`] tells.
     pub fn run(mut self, display: &mut dyn Display) -> Result<SessionReport, SessionError> {
         let newcomers = self.newcomers.take();
+        let observer = self.observer.take();
         let control = &self.control;
         if self.participants.len() > MOST_PEOPLE {
             return Err(ReceiverError::TooManyPeople { most: MOST_PEOPLE }.into());
@@ -114,7 +128,9 @@ impl<'a> Session<'a> {
         let like = people.first().map(|first| first.placement.clone());
         // Also when it is time to leave: the calls that were joined say goodbye at their end.
         let step = control.step();
-        let mut lanes = self.start(&needs, &avatars, placed, renderer, sources)?;
+        let mut lanes = self.start(needs.period, &avatars, placed, renderer, sources)?;
+        // Its device would outlive its headset, which comes back with another one.
+        drop(needs);
         drop(step);
         let began = Instant::now();
         let over = AtomicBool::new(false);
@@ -155,6 +171,7 @@ impl<'a> Session<'a> {
                     .take_while(|person| matches!(person.origin, Origin::Own(_)))
                     .count(),
                 attendance: attendance.as_mut(),
+                observer,
             });
             ended = Instant::now();
             drop(set_at_end);
@@ -254,7 +271,7 @@ impl<'a> Session<'a> {
 
     fn start(
         &self,
-        needs: &DisplayNeeds,
+        display_period: Duration,
         avatars: &[Arc<Avatar>],
         placed: Vec<Placed>,
         renderer: SplatRenderer,
@@ -266,7 +283,7 @@ impl<'a> Session<'a> {
             plan: placed.plan,
             latency: self.config.latency,
             quality: self.config.quality,
-            display_period: needs.period,
+            display_period,
         };
         // Networks are repacked for the kernels by several threads, which must end with that: the app may outlive many calls.
         let lanes = in_own_pool("start", move || {

@@ -7,7 +7,7 @@ fn it_has_every_sub_command_of_mon3tr_and_its_own() {
     let help = mon3tr(&["--help"]).succeeds();
     for name in [
         "demo", "bake", "inspect", "render", "serve", "send", "receive", "profile", "apk", "bench",
-        "netlab",
+        "netlab", "soak",
     ] {
         assert!(
             help.contains(&format!("\n  {name} ")),

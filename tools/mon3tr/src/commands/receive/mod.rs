@@ -4,6 +4,7 @@ mod album;
 mod offscreen;
 pub(crate) mod people;
 mod report;
+mod samples;
 mod screen;
 mod undrawn;
 
@@ -26,6 +27,7 @@ use clap::ValueEnum;
 use link_protocol::RoomLink;
 use link_voice::VoiceQueue;
 pub(crate) use report::Report;
+use samples::Samples;
 use screen::NO_PICTURES;
 pub(crate) use screen::Screen;
 use std::path::PathBuf;
@@ -50,6 +52,10 @@ pub struct Options {
     /// Write every figure as JSON
     #[arg(long, value_name = "FILE")]
     pub(crate) json: Option<PathBuf>,
+    /// Write how it goes meanwhile: every 2 s a line of JSON, of the first person's pictures and their latency, what came and what did not,
+    /// and the device's memory
+    #[arg(long, value_name = "FILE")]
+    samples: Option<PathBuf>,
 }
 
 /// How people are shown and heard.
@@ -94,6 +100,7 @@ impl Options {
         let what = match (self.show.display, self.rooms.len(), self.frames) {
             (Display::None, 2.., _) => "several links",
             (Display::None, _, Some(_)) => "--frames",
+            (Display::None, _, _) if self.samples.is_some() => "--samples",
             _ => return Ok(()),
         };
         bail!("--display none {NO_PICTURES}, and {what} is for pictures: leave one of them out")
@@ -123,7 +130,9 @@ pub(crate) enum Display {
 
 /// Runs `receive`.
 pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<()> {
-    options.json.as_deref().map_or(Ok(()), check_writable)?;
+    for file in [&options.json, &options.samples].into_iter().flatten() {
+        check_writable(file)?;
+    }
     options.show.check()?;
     // What may be missing on this machine comes before any wait.
     options.check()?;
@@ -161,6 +170,8 @@ fn show(
         .iter()
         .map(|_| VoiceQueue::default())
         .collect();
+    let samples = options.samples.as_deref();
+    let mut samples = samples.map(Samples::create).transpose()?;
     let mut sound = None;
     let mut again = None;
     loop {
@@ -172,7 +183,7 @@ fn show(
         if sound.is_none() {
             sound = Some(options.show.sound.begin(&voices, line.clock)?);
         }
-        let shown = screen.show(&options.show, &people, &context, &until)?;
+        let shown = screen.show(&options.show, &people, &context, samples.as_mut(), &until)?;
         if let (true, Some(announced)) = (screen.can_go_on(), shown.came_back()) {
             println!("the sender has come back with another avatar");
             again = Some(announced);

@@ -3,6 +3,7 @@
 use super::album::Album;
 use super::offscreen::Pictures;
 use super::people::Person;
+use super::samples::Samples;
 use super::{Display, ShowOptions, undrawn};
 use crate::controls::Guests;
 use crate::device_options::{DeviceOptions, compiled, inference_backends, make_folder};
@@ -185,6 +186,7 @@ impl Screen {
         options: &ShowOptions,
         people: &[Person],
         network: &NetworkContext,
+        samples: Option<&mut Samples>,
         until: &Until,
     ) -> anyhow::Result<Shown> {
         if let Self::Undrawn = self {
@@ -195,7 +197,7 @@ impl Screen {
         let participants = (people.iter())
             .map(|person| person.participant(options.seat, network))
             .collect();
-        let shown = self.draw(options, participants, None, until)?;
+        let shown = self.draw(options, participants, None, samples, until)?;
         Ok(Shown::Drawn(Box::new(shown)))
     }
 
@@ -216,7 +218,7 @@ impl Screen {
             let next = iter::from_fn(|| undrawn::next(&newcomers, &until));
             return Ok(Shown::Undrawn(undrawn::run(next, &until)));
         }
-        let mut drawn = self.draw(options, vec![own], Some(guests), &until)?;
+        let mut drawn = self.draw(options, vec![own], Some(guests), None, &until)?;
         // Only oneself is in no call.
         drawn.session.people.retain(|person| person.watch.is_some());
         Ok(Shown::Drawn(Box::new(drawn)))
@@ -227,6 +229,7 @@ impl Screen {
         options: &ShowOptions,
         participants: Vec<Participant>,
         guests: Option<Guests>,
+        samples: Option<&mut Samples>,
         until: &Until,
     ) -> anyhow::Result<Drawn> {
         let compiled = compiled()?;
@@ -243,6 +246,9 @@ impl Screen {
             let mut session = Session::new(config, participants, Control::default());
             if let Some(newcomers) = newcomers {
                 session = session.with_newcomers(newcomers);
+            }
+            if let Some(samples) = samples {
+                session = session.observed(samples);
             }
             session.run(display)
         };
