@@ -58,7 +58,7 @@ impl BoundGaussians {
         for at in 0..self.len() {
             let [.., largest] = self.scales(at);
             // What is no number is refused too.
-            if !(largest <= MOST_SCALE) {
+            if largest.is_nan() || largest > MOST_SCALE {
                 return Err(CostError::Large {
                     at,
                     metres: largest,

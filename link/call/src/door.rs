@@ -573,7 +573,7 @@ mod tests {
             ]
         );
         assert_eq!(door.admit(2), None, "nobody waits");
-        for seed in 10..10 + MOST_WAITING as u8 + 5 {
+        for seed in (10..).take(MOST_WAITING + 5) {
             assert_eq!(door.knock(&keyed(seed), 0), Err(Refusal::Wait));
         }
         assert_eq!(door.seen().len(), MOST_WAITING, "bounded");

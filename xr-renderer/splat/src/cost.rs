@@ -84,7 +84,7 @@ impl Costs {
         unsafe {
             self.gpu
                 .device()
-                .cmd_copy_buffer(commands, from, to, &whole)
+                .cmd_copy_buffer(commands, from, to, &whole);
         };
         barrier(&self.gpu, commands);
     }

@@ -160,7 +160,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
             asked = asked_to_end() => asked.context("cannot wait for Ctrl-C")?,
             // It does not end by itself unless something is wrong.
             ended = server.wait() => return ended.context("the server ended"),
-            () = owners.keep_renewed() => {}
+            never = owners.keep_renewed() => match never {},
         }
         tokio::select! {
             () = server.stop() => {}

@@ -2,6 +2,7 @@
 
 use anyhow::Context;
 use server::{Id, Secret, now};
+use std::convert::Infallible;
 use std::io::Write;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -126,7 +127,7 @@ impl Owners {
     }
 
     /// Does so for as long as the server runs.
-    pub(super) async fn keep_renewed(&self) {
+    pub(super) async fn keep_renewed(&self) -> Infallible {
         loop {
             tokio::time::sleep(LOOK).await;
             if let Err(why) = self.renew() {
