@@ -42,7 +42,7 @@ pub enum Command {
     /// Say what this program is made of, and under which licences
     Licences,
     /// Send what a camera sees a person do, or a motion from a file, to everyone who joins
-    Send(send::Options),
+    Send(Box<send::Options>),
     /// Join a call and show who is there
     Receive(receive::Options),
     /// Show where a call's milliseconds go: what each unit does, and each picture's way from capture to display
