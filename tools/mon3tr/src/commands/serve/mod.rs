@@ -157,7 +157,9 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
             .flush()
             .context("cannot say where this serves")?;
         tokio::select! {
-            asked = asked_to_end() => drop(asked.context("cannot wait for Ctrl-C")?),
+            asked = asked_to_end() => {
+                asked.context("cannot wait for Ctrl-C")?;
+            }
             // It does not end by itself unless something is wrong.
             ended = server.wait() => return ended.context("the server ended"),
             never = owners.keep_renewed() => match never {},
