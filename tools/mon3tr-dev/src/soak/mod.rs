@@ -19,7 +19,7 @@ use mon3tr::network::Network;
 use mon3tr::report::write_json;
 use person::Person;
 use sample::Sample;
-use schedule::Schedule;
+use schedule::{AWAY, Schedule};
 use serde::Serialize;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -32,9 +32,6 @@ const EVERY: Duration = Duration::from_secs(2);
 
 /// Between two looks whether it is time for something.
 const LOOK: Duration = Duration::from_millis(50);
-
-/// How long the headset's runtime is away at a restart.
-const AWAY: Duration = Duration::from_secs(4);
 
 /// How long it may take until people are shown: networks are loaded and placements measured before.
 const PATIENCE: Duration = Duration::from_mins(3);
