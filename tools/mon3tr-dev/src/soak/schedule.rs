@@ -10,10 +10,10 @@ const WARM_UP: Duration = Duration::from_mins(1);
 const WINDOW: Duration = Duration::from_mins(5);
 
 /// How long the headset's runtime is away at a restart.
-pub(super) const AWAY: Duration = Duration::from_secs(4);
+const AWAY: Duration = Duration::from_secs(4);
 
-/// Of a call that is too short for them, warm-up and each window are these parts ...
-const PARTS: (u32, u32) = (6, 4);
+/// Of a call that is too short for them, warm-up, each window and each absence are these parts ...
+const PARTS: (u32, u32, u32) = (6, 4, 20);
 
 /// ... and of what comes after its last restart.
 const LATE_PARTS: u32 = 3;
@@ -29,6 +29,8 @@ pub(super) struct Schedule {
     pub(super) last: Range<Duration>,
     /// When the headset's runtime is killed: between the two.
     pub(super) restarts: [Duration; 2],
+    /// How long it is away then.
+    pub(super) away: Duration,
     /// The same two windows of what comes after the last restart: a restart gives memory back, which would hide what grows.
     pub(super) late: [Range<Duration>; 2],
 }
@@ -42,13 +44,15 @@ impl Schedule {
         let last = length.saturating_sub(window)..length;
         let between = last.start.saturating_sub(first.end);
         let restarts = [first.end + between / 3, first.end + between * 2 / 3];
-        let back = restarts[1] + AWAY;
+        let away = AWAY.min(length / PARTS.2);
+        let back = restarts[1] + away;
         let part = length.saturating_sub(back) / LATE_PARTS;
         let settled = back + WARM_UP.min(part);
         let late = WINDOW.min(part);
         Self {
             length,
             restarts,
+            away,
             first,
             last,
             late: [settled..settled + late, length.saturating_sub(late)..length],
@@ -84,7 +88,8 @@ mod tests {
             let window = |range: &Range<Duration>| range.end - range.start;
             assert_eq!(window(&one.first), window(&one.last), "{one:?}");
             let [early, late] = &one.late;
-            assert!(b + AWAY < early.start, "{one:?}");
+            assert!(a + one.away < b, "back in between: {one:?}");
+            assert!(b + one.away < early.start, "{one:?}");
             assert!(early.end <= late.start, "{one:?}");
             assert_eq!(late.end, one.length, "{one:?}");
             assert_eq!(window(early), window(late), "{one:?}");
