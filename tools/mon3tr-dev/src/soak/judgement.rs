@@ -59,9 +59,16 @@ pub(super) struct Outcome {
 /// All rows.
 pub(super) fn rows(samples: &[Sample], schedule: &Schedule, outcome: Outcome) -> Vec<Row> {
     let windows = [&schedule.first, &schedule.last].map(|time| within(samples, time));
+    let late = schedule.late.each_ref().map(|time| within(samples, time));
+    let between = |[first, last]: &[Vec<&Sample>; 2],
+                   of,
+                   what,
+                   rule,
+                   value: &dyn Fn(&[&Sample]) -> Option<f64>| {
+        Row::new(of, what, [value(first), value(last)], rule)
+    };
     let row = |of, what, rule, value: &dyn Fn(&[&Sample]) -> Option<f64>| {
-        let [first, last] = windows.each_ref().map(|window| value(window));
-        Row::new(of, what, first, last, rule)
+        between(&windows, of, what, rule, value)
     };
     let mut rows = Vec::new();
     for (k, program) in PROGRAMS.into_iter().enumerate() {
@@ -102,7 +109,23 @@ pub(super) fn rows(samples: &[Sample], schedule: &Schedule, outcome: Outcome) ->
         }
     };
     let receive = "receive";
+    let receiver = PROGRAMS.iter().position(|program| *program == receive);
     rows.extend([
+        between(
+            &late,
+            receive,
+            "resident since restarts, MB",
+            Rule::Share(MOST_MEMORY),
+            &|window| {
+                let usage = |one: &&Sample| Some(one.processes.get(receiver?)?.resident_bytes);
+                median(
+                    window
+                        .iter()
+                        .filter_map(usage)
+                        .map(|bytes| bytes as f64 / 1e6),
+                )
+            },
+        ),
         row(
             receive,
             "device memory, MB",
@@ -171,8 +194,7 @@ impl Row {
     fn new(
         of: &'static str,
         what: &'static str,
-        first: Option<f64>,
-        last: Option<f64>,
+        [first, last]: [Option<f64>; 2],
         rule: Rule,
     ) -> Self {
         let both = first.zip(last);
@@ -204,7 +226,7 @@ impl Row {
     /// Of the whole call.
     fn of_all(of: &'static str, what: &'static str, all: u64, wanted: u64) -> Self {
         let all = Some(all as f64);
-        let mut row = Self::new(of, what, all, all, Rule::Exactly(wanted as f64));
+        let mut row = Self::new(of, what, [all; 2], Rule::Exactly(wanted as f64));
         (row.first, row.growth) = (None, None);
         row
     }

@@ -33,11 +33,11 @@ const EVERY: Duration = Duration::from_secs(2);
 /// Between two looks whether it is time for something.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// How long the headset's runtime is away at a restart.
-const AWAY: Duration = Duration::from_secs(4);
-
 /// How long it may take until people are shown: networks are loaded and placements measured before.
 const PATIENCE: Duration = Duration::from_mins(3);
+
+/// Looks at people shown by which the headset is taken to be back: the first may be of pictures from before.
+const AGAIN: u32 = 2;
 
 /// Options of `soak`.
 #[derive(Debug, clap::Args)]
@@ -168,6 +168,7 @@ fn watch(
     let mut restarts = schedule.restarts.iter();
     let mut kill = restarts.next();
     let mut back = None;
+    let mut looks_since = AGAIN;
     while begun.elapsed() < schedule.length {
         if stop.load(Relaxed) {
             bail!(
@@ -176,10 +177,12 @@ fn watch(
             );
         }
         let now = begun.elapsed();
-        if kill.is_some_and(|at| now >= *at) {
+        // Not before the headset has shown people again.
+        if looks_since >= AGAIN && kill.is_some_and(|at| now >= *at) {
             call.kill_runtime();
             kill = restarts.next();
-            back = Some(now + AWAY);
+            back = Some(now + schedule.away);
+            looks_since = 0;
         }
         if back.is_some_and(|at| now >= at) {
             call.restart_runtime()?;
@@ -190,6 +193,7 @@ fn watch(
             writeln!(csv, "{}", sample.line())
                 .and_then(|()| csv.flush())
                 .with_context(cannot)?;
+            looks_since += u32::from(sample.runtime && sample.shown.is_some());
             samples.push(sample);
             next += EVERY;
         }

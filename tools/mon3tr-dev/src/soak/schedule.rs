@@ -9,8 +9,14 @@ const WARM_UP: Duration = Duration::from_mins(1);
 /// What is compared: the first so many minutes after the warm-up with the last.
 const WINDOW: Duration = Duration::from_mins(5);
 
-/// Of a call that is too short for them, warm-up and each window are these parts.
-const PARTS: (u32, u32) = (6, 4);
+/// How long the headset's runtime is away at a restart.
+const AWAY: Duration = Duration::from_secs(4);
+
+/// Of a call that is too short for them, warm-up, each window and each absence are these parts ...
+const PARTS: (u32, u32, u32) = (6, 4, 20);
+
+/// ... and of what comes after its last restart.
+const LATE_PARTS: u32 = 3;
 
 /// Times since the call was live.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -23,6 +29,10 @@ pub(super) struct Schedule {
     pub(super) last: Range<Duration>,
     /// When the headset's runtime is killed: between the two.
     pub(super) restarts: [Duration; 2],
+    /// How long it is away then.
+    pub(super) away: Duration,
+    /// The same two windows of what comes after the last restart: a restart gives memory back, which would hide what grows.
+    pub(super) late: [Range<Duration>; 2],
 }
 
 impl Schedule {
@@ -33,11 +43,19 @@ impl Schedule {
         let first = warm_up..warm_up + window;
         let last = length.saturating_sub(window)..length;
         let between = last.start.saturating_sub(first.end);
+        let restarts = [first.end + between / 3, first.end + between * 2 / 3];
+        let away = AWAY.min(length / PARTS.2);
+        let back = restarts[1] + away;
+        let part = length.saturating_sub(back) / LATE_PARTS;
+        let settled = back + WARM_UP.min(part);
+        let late = WINDOW.min(part);
         Self {
             length,
-            restarts: [first.end + between / 3, first.end + between * 2 / 3],
+            restarts,
+            away,
             first,
             last,
+            late: [settled..settled + late, length.saturating_sub(late)..length],
         }
     }
 }
@@ -69,6 +87,13 @@ mod tests {
             assert_eq!(one.last.end, one.length, "{one:?}");
             let window = |range: &Range<Duration>| range.end - range.start;
             assert_eq!(window(&one.first), window(&one.last), "{one:?}");
+            let [early, late] = &one.late;
+            assert!(a + one.away < b, "back in between: {one:?}");
+            assert!(b + one.away < early.start, "{one:?}");
+            assert!(early.end <= late.start, "{one:?}");
+            assert_eq!(late.end, one.length, "{one:?}");
+            assert_eq!(window(early), window(late), "{one:?}");
+            assert!(window(late) > Duration::from_secs(2), "a sample: {one:?}");
         }
     }
 }

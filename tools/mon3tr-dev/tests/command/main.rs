@@ -5,6 +5,7 @@ mod bench;
 mod cli;
 #[path = "../../../mon3tr/tests/command/floor.rs"]
 mod floor;
+mod soak;
 #[path = "../../../mon3tr/tests/command/support.rs"]
 #[allow(dead_code, reason = "shared with the tests of mon3tr")]
 mod support;

@@ -77,6 +77,12 @@ impl Program {
         (program, stdin)
     }
 
+    /// How many threads it has.
+    pub(crate) fn threads(&self) -> usize {
+        let tasks = std::fs::read_dir(format!("/proc/{}/task", self.child.id()));
+        tasks.expect("it runs").count()
+    }
+
     fn spawn(house: &House, cache: &Path, command: &mut Command, stdin: Stdio) -> Self {
         let mut child = command
             .env("MON3TR_CACHE", cache)

@@ -116,6 +116,17 @@ fn memory_that_each_restart_leaves_behind_is_growth() {
 }
 
 #[test]
+fn what_grows_is_not_hidden_by_what_a_restart_gives_back() {
+    let samples = hour(|sample, at| {
+        let given_back = if at > 0.6 { 0.1 } else { 0.0 };
+        let resident = &mut sample.processes[2].resident_bytes;
+        *resident = more(*resident, 0.1 * at - given_back);
+    });
+    let since = [("receive", "resident since restarts, MB")];
+    assert_eq!(failing(&samples, GOOD), since, "3 % after the last restart");
+}
+
+#[test]
 fn one_descriptor_or_thread_that_stays_is_one_too_many() {
     let samples = hour(|sample, at| sample.processes[0].descriptors += u64::from(at > 0.5));
     assert_eq!(failing(&samples, GOOD), [("serve", "descriptors")], "one");

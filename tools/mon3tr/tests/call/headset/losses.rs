@@ -53,6 +53,7 @@ fn a_call_goes_on_without_a_gap_while_its_headsets_runtime_is_killed_and_comes_b
         let mut viewer = viewer(&house, &monado, &[&link], "viewer", &["--frames", "240"]);
         is_focused(&mut viewer, 1);
         frames_come(&lab);
+        let threads = viewer.threads();
         drop(head);
         let gone = Instant::now();
         monado.kill();
@@ -65,6 +66,9 @@ fn a_call_goes_on_without_a_gap_while_its_headsets_runtime_is_killed_and_comes_b
         head.send(&turned());
         is_focused(&mut viewer, 2);
         let away = gone.elapsed();
+        // The device that went with the runtime is not held: its driver's threads are gone.
+        let now = viewer.threads();
+        assert!(now <= threads, "{now} threads, {threads} before");
         // It ends by itself: all its frames were shown.
         let report = viewer.report();
         let sent = sender.program.ends();
