@@ -111,6 +111,7 @@ impl HttpError {
                     StatusCode::UNPROCESSABLE_ENTITY
                 }
                 UploadError::DiskFull => StatusCode::INSUFFICIENT_STORAGE,
+                UploadError::Quota { .. } => StatusCode::FORBIDDEN,
                 UploadError::Busy | UploadError::Spool(_) | UploadError::Store(_) => {
                     StatusCode::SERVICE_UNAVAILABLE
                 }
