@@ -4,6 +4,7 @@
 //! forwards, only so many are served so; the server is one viewer more, which hands on what is sealed for it.
 
 mod serving;
+mod watching;
 
 use crate::admission::{MOST_OPENING, Opening, Refusals};
 use crate::introduction::Credentials;
@@ -26,13 +27,14 @@ use link_voice::Voice;
 use serde::Serialize;
 use serving::{Offer, serve_viewer};
 use spmm3::MotionParams;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::{Notify, Semaphore, broadcast, watch};
 use tokio::task::JoinSet;
 use tokio::time::Instant;
+use watching::Watching;
 
 /// Viewers at once: what a home's uplink carries easily.
 const MAX_VIEWERS: usize = 32;
@@ -60,6 +62,7 @@ pub struct Sender {
     offered: Arc<Notify>,
     stop: watch::Sender<bool>,
     task: tokio::task::JoinHandle<()>,
+    watching: Watching,
     counts: Arc<Counts>,
 }
 
@@ -70,6 +73,8 @@ pub struct SenderStatistics {
     pub captured: u32,
     /// Viewers connected now, a server that forwards among them.
     pub viewers: usize,
+    /// Viewers that watch through the server, as it says.
+    pub watching: u64,
     /// Viewers that connected so far; one that comes back counts again.
     pub joined: u64,
     /// Frames handed to the network.
@@ -163,6 +168,7 @@ struct Shared {
     places: Places,
     refusals: Refusals,
     opening: Opening,
+    watching: Watching,
     counts: Arc<Counts>,
 }
 
@@ -229,6 +235,7 @@ impl Sender {
         let (stop, stopped) = watch::channel(false);
         let counts = Arc::<Counts>::default();
         let copies = WantedCopies::default();
+        let watching = Watching::default();
         let shared = Shared {
             client,
             planner: Planner::default(),
@@ -249,6 +256,7 @@ impl Sender {
             places: Places::default(),
             refusals: Refusals::default(),
             opening: Opening::new(MOST_OPENING),
+            watching: watching.clone(),
             counts: Arc::clone(&counts),
         };
         let task = tokio::spawn(answer_viewers(shared, entering, presence));
@@ -261,6 +269,7 @@ impl Sender {
             offered,
             stop,
             task,
+            watching,
             counts,
         }
     }
@@ -317,6 +326,7 @@ impl Sender {
         SenderStatistics {
             captured: self.frames.borrow().sequence,
             viewers: counts.viewers.load(Relaxed),
+            watching: self.watching.viewers(),
             joined: counts.joined.load(Relaxed),
             sent: counts.sent.load(Relaxed),
             skipped: counts.skipped.load(Relaxed),
@@ -331,13 +341,16 @@ impl Sender {
 
     /// Hangs up on every viewer and leaves the room. Returns the last statistics, with the viewers connected until then.
     pub async fn hang_up(mut self) -> SenderStatistics {
-        let SenderStatistics { viewers, .. } = self.statistics();
+        let SenderStatistics {
+            viewers, watching, ..
+        } = self.statistics();
         self.stop.send_replace(true);
         if let Err(error) = (&mut self.task).await {
             log::error!("a task of the call failed: {error}");
         }
         SenderStatistics {
             viewers,
+            watching,
             ..self.statistics()
         }
     }
@@ -362,6 +375,7 @@ async fn answer_viewers(mut shared: Shared, entering: EnterRoom, presence: Prese
     let mut presence = Some(presence);
     let mut viewers = JoinSet::new();
     let mut leaving: HashMap<Name, watch::Sender<bool>> = HashMap::new();
+    let mut forwarders: HashSet<Name> = HashSet::new();
     let mut backoff = Backoff::default();
     let mut here = addresses::Watch::begin();
     let doubt = Arc::clone(&shared.doubt);
@@ -389,6 +403,7 @@ async fn answer_viewers(mut shared: Shared, entering: EnterRoom, presence: Prese
             event = next_event(&shared, &entering, &mut presence, &mut backoff) => event,
             Some(_) = viewers.join_next(), if !viewers.is_empty() => {
                 leaving.retain(|_, leave| !leave.is_closed());
+                forwarders.retain(|session| leaving.contains_key(session));
                 continue;
             }
         };
@@ -406,6 +421,9 @@ async fn answer_viewers(mut shared: Shared, entering: EnterRoom, presence: Prese
                 }
                 let (leave, left) = watch::channel(false);
                 leaving.insert(session.clone(), leave);
+                if forwards {
+                    forwarders.insert(session.clone());
+                }
                 let shared = shared.clone();
                 viewers.spawn(async move {
                     let (refusals, opening) = (shared.refusals.clone(), shared.opening.clone());
@@ -427,7 +445,12 @@ async fn answer_viewers(mut shared: Shared, entering: EnterRoom, presence: Prese
             PresenceEvent::Replaced if shared.venue.is_of_call() => presence = None,
             PresenceEvent::Replaced => {
                 log::warn!("another sender has entered the room: new viewers go there");
-                // The viewers of this sender may stay.
+                // Whoever the other one hands over is forwarded to from there; the viewers of this sender itself may stay.
+                for session in &forwarders {
+                    if let Some(leave) = leaving.remove(session) {
+                        leave.send_replace(true);
+                    }
+                }
                 is_set(&mut stop).await;
                 break;
             }

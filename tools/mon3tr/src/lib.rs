@@ -19,6 +19,7 @@ mod moments;
 mod monado;
 pub mod network;
 mod notice;
+pub mod owner_token;
 pub mod performance;
 mod place;
 mod preview;

@@ -1,5 +1,6 @@
 //! One viewer of a sender: its connection, what it is sent, and what it sends back.
 
+use super::watching::Forwards;
 use super::{MAX_VIEWERS, Shared};
 use crate::introduction;
 use crate::path::Path;
@@ -156,21 +157,9 @@ pub(super) async fn serve_viewer(
     let (mut peer, answer) = Peer::answer(plan, shared.channel, offer.clone()).await?;
     let own = shared.credentials.as_ref();
     let answer = introduction::introduce_sender(own, &room, shared.avatar, &offer, &answer)?;
-    // The viewer's first feedback has the session's number.
     let introduced = timeout(OPEN_TIMEOUT, async {
         shared.client.answer(&room, name, &answer).await?;
-        peer.opened().await?;
-        loop {
-            match peer.next().await {
-                PeerEvent::Message(bytes) => {
-                    if let Some(session) = Message::session_of_feedback(&bytes) {
-                        return Ok(session);
-                    }
-                }
-                PeerEvent::Closed => return Err(CallError::NotConnected),
-                PeerEvent::Open | PeerEvent::Voice(_) => {}
-            }
-        }
+        peer.introduced().await
     });
     let mut stop = shared.stop.clone();
     let session = tokio::select! {
@@ -205,7 +194,8 @@ pub(super) async fn serve_viewer(
         session,
         sealed: Vec::new(),
     };
-    let why = send_motion(&mut shared, before, outlet, place, &mut left).await;
+    let watching = forwards.then(|| shared.watching.begin());
+    let why = send_motion(&mut shared, before, outlet, place, watching, &mut left).await;
     counts.viewers.fetch_sub(1, Relaxed);
     log::info!("{who} has left (session {session:08x}): {why}");
     peer.close().await;
@@ -218,6 +208,7 @@ async fn send_motion(
     before: u32,
     mut outlet: Outlet<'_>,
     mut place: Option<OwnedSemaphorePermit>,
+    mut watching: Option<Forwards>,
     left: &mut watch::Receiver<bool>,
 ) -> &'static str {
     let session = outlet.session;
@@ -315,11 +306,16 @@ async fn send_motion(
                             outlet.peer.try_send(&out).await;
                         }
                     }
+                    Some(Message::Watching { viewers }) if watching.is_some() => {
+                        if let Some(watching) = &mut watching {
+                            watching.report(viewers);
+                        }
+                    }
                     Some(Message::Bye) => {
                         answer_bye(outlet.peer, session).await;
                         return "it hung up";
                     }
-                    Some(Message::Pong(_) | Message::State(_) | Message::Forwarded { .. }) | None => log::debug!("ignored a message of {} bytes", bytes.len()),
+                    Some(Message::Pong(_) | Message::State(_) | Message::Forwarded { .. } | Message::Watching { .. }) | None => log::debug!("ignored a message of {} bytes", bytes.len()),
                 }
             }
             () = sleep_until(doubt_at.unwrap_or(silent_at)), if doubt_at.is_some() => {

@@ -89,10 +89,21 @@ fn speaker(house: &House, codec: &str) -> (Program, RoomLink, String) {
     (sender.program, link, sender.own)
 }
 
+/// The number of this line of the server's counters.
+fn metric(house: &House, line: &str) -> Option<String> {
+    let mut stream = TcpStream::connect(house.address).expect("the server is there");
+    let ask = "GET /metrics HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n";
+    stream.write_all(ask.as_bytes()).expect("asked");
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).expect("answered");
+    let found = answer.lines().find_map(|l| l.strip_prefix(line));
+    found.map(str::to_owned)
+}
+
 #[test]
 fn the_ninth_viewer_is_handed_to_the_server_and_sees_and_hears_the_same() {
     let house = House::open_with(&["--forward"]);
-    let (sender, link, own) = speaker(&house, "compact");
+    let (mut sender, link, own) = speaker(&house, "compact");
     let hall = Hall::of(&house);
     let mut viewers = hall.fill(&link, DIRECT);
     assert!(
@@ -102,6 +113,9 @@ fn the_ninth_viewer_is_handed_to_the_server_and_sees_and_hears_the_same() {
     viewers.extend(hall.fill(&link, 5));
     house.server_says("forwarding begins in room", 1);
     assert_alike(&frames(&viewers, 60));
+    sender.says("5 watch through the server", 1);
+    let forwarded_to = metric(&house, "mon3tr_viewers_forwarded_to ");
+    assert_eq!(forwarded_to.as_deref(), Some("5"));
     let owner = hall.authentication.signer;
     for (number, viewer) in viewers.iter().enumerate() {
         let statistics = viewer.statistics();
@@ -194,6 +208,9 @@ fn who_cannot_be_forwarded_to_is_told_that_there_are_too_many() {
         viewer.said()
     );
     viewer.ask_to_end();
+    let said = viewer.fails();
+    let why = "it never began: the sender has as many viewers as it serves";
+    assert!(said.contains(why), "{said}");
 }
 
 #[test]

@@ -31,13 +31,6 @@ impl<K: Copy + Eq + Hash> Locks<K> {
         held
     }
 
-    /// The lock, if nobody has it.
-    pub(super) fn try_lock(&self, key: K) -> Option<Held<'_, K>> {
-        let (mut held, lock) = self.ask(key);
-        held.guard = lock.try_lock_owned().ok();
-        held.guard.is_some().then_some(held)
-    }
-
     fn ask(&self, key: K) -> (Held<'_, K>, Lock) {
         let lock = Arc::clone(self.locked().entry(key).or_default());
         let held = Held {
@@ -74,8 +67,7 @@ mod tests {
     fn a_key_has_one_holder_and_nothing_is_left_of_it_afterwards() {
         let locks = Locks::default();
         let first = locks.lock(1).now_or_never().expect("free");
-        assert!(locks.try_lock(1).is_none(), "taken");
-        assert!(locks.try_lock(2).is_some(), "another key");
+        assert!(locks.lock(2).now_or_never().is_some(), "another key");
         let mut waiting = Box::pin(locks.lock(1));
         assert!((&mut waiting).now_or_never().is_none(), "waits");
         drop(first);

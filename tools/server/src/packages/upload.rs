@@ -192,25 +192,21 @@ impl Packages {
         owner: Id,
         upload: Spooled,
     ) -> Result<(Spooled, Held<'_, PackageId>), UploadError> {
-        loop {
-            let lock = self.hashes.lock(upload.hash).await;
-            if self.has_bytes(&upload).await? {
-                return Ok((upload, lock));
-            }
-            // Nobody waits for this owner's turn but its own uploads.
-            drop(lock);
-            let place = self.checks.take(owner).await.ok_or(UploadError::Busy)?;
-            // Whoever checks the same bytes now is waited for without a place.
-            let Some(lock) = self.hashes.try_lock(upload.hash) else {
-                continue;
-            };
-            if self.has_bytes(&upload).await? {
-                return Ok((upload, lock));
-            }
-            self.metrics.packages_checked.inc();
-            let upload = check(upload, place).await?;
+        // Without a place: whoever checks the same bytes now is waited for.
+        let lock = self.hashes.lock(upload.hash).await;
+        if self.has_bytes(&upload).await? {
             return Ok((upload, lock));
         }
+        // Who has a lock never waits for a place.
+        drop(lock);
+        let place = self.checks.take(owner).await.ok_or(UploadError::Busy)?;
+        let lock = self.hashes.lock(upload.hash).await;
+        if self.has_bytes(&upload).await? {
+            return Ok((upload, lock));
+        }
+        self.metrics.packages_checked.inc();
+        let upload = check(upload, place).await?;
+        Ok((upload, lock))
     }
 
     async fn has_bytes(&self, upload: &Spooled) -> Result<bool, UploadError> {

@@ -148,6 +148,7 @@ fn show(
 ) -> anyhow::Result<(Option<Report>, anyhow::Result<()>)> {
     for room in &options.rooms {
         network::warn_if_unprotected(room.server());
+        network::warn_if_unproved(room.secret().is_some(), room.key().is_some());
     }
     let context = NetworkContext {
         network: line.network.handle(),
