@@ -1,9 +1,21 @@
 //! The right to open rooms and to put avatars on a server.
 
-use crate::commands::serve::owner_token_file;
+use crate::device_options::cache;
 use anyhow::{Context, anyhow, bail};
 use link_protocol::room_link::ServerUrl;
 use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+/// Where a server keeps the token, below its folder.
+pub(crate) const OWNER_TOKEN: &str = "owner-token";
+
+/// The folder of a server on this machine, where `data` names no other one.
+pub(crate) fn server_folder(data: Option<&Path>) -> anyhow::Result<PathBuf> {
+    match data {
+        Some(folder) => Ok(folder.to_path_buf()),
+        None => Ok(cache()?.join("server")),
+    }
+}
 
 /// The option of commands that open rooms.
 #[derive(Debug, Clone, clap::Args)]
@@ -38,7 +50,7 @@ impl OwnerToken {
                 "no owner's token: give --owner-token: what is in the file that `mon3tr serve` named where it runs"
             );
         }
-        let file = owner_token_file(None)?;
+        let file = server_folder(None)?.join(OWNER_TOKEN);
         match std::fs::read_to_string(&file) {
             Ok(token) => Ok(token.trim().to_owned()),
             Err(error) if error.kind() == ErrorKind::NotFound => Err(anyhow!(

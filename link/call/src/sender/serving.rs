@@ -306,7 +306,8 @@ async fn send_motion(
                             outlet.peer.try_send(&out).await;
                         }
                     }
-                    Some(Message::Watching { viewers }) if watching.is_some() => {
+                    // Believed of the server's forwarder alone.
+                    Some(Message::Watching { viewers }) => {
                         if let Some(watching) = &mut watching {
                             watching.report(viewers);
                         }
@@ -315,7 +316,7 @@ async fn send_motion(
                         answer_bye(outlet.peer, session).await;
                         return "it hung up";
                     }
-                    Some(Message::Pong(_) | Message::State(_) | Message::Forwarded { .. } | Message::Watching { .. }) | None => log::debug!("ignored a message of {} bytes", bytes.len()),
+                    Some(Message::Pong(_) | Message::State(_) | Message::Forwarded { .. }) | None => log::debug!("ignored a message of {} bytes", bytes.len()),
                 }
             }
             () = sleep_until(doubt_at.unwrap_or(silent_at)), if doubt_at.is_some() => {

@@ -165,6 +165,29 @@ fn the_ninth_viewer_is_handed_to_the_server_and_sees_and_hears_the_same() {
     house.server_says("forwarding has ended in room", 1);
 }
 
+/// The first one stays, with the viewers that it serves itself; whom the second hands over must not be shown the first.
+#[test]
+fn a_sender_that_takes_anothers_place_is_forwarded_in_its_place() {
+    let house = House::open_with(&["--forward"]);
+    let (mut first, link, own) = speaker(&house, "compact");
+    let hall = Hall::of(&house);
+    let viewers = hall.fill(&link, DIRECT + 1);
+    house.server_says("forwarding begins in room", 1);
+    let avatar = house.avatar.to_str().expect("UTF-8").to_owned();
+    let mut second = house.send(&["--room", &own, "--avatar", &avatar]);
+    first.says("another sender has entered the room", 1);
+    second.says("the server's forwarder has joined", 1);
+    let forwarded = &viewers[DIRECT..];
+    for viewer in forwarded {
+        while viewer.next(Duration::ZERO).is_ok() {}
+    }
+    assert!(frames(forwarded, 60)[0].len() >= 60, "it goes on");
+    assert!(first.is_running(), "so does the first one");
+    let sent = second.ends();
+    assert_eq!(count(&sent, "viewers"), 1, "the forwarder alone: {sent:#}");
+    first.ends();
+}
+
 /// A sender of another program that refuses everyone: the server does not keep who it cannot serve.
 #[test]
 fn who_cannot_be_forwarded_to_is_told_that_there_are_too_many() {

@@ -111,7 +111,7 @@ impl HttpError {
                     StatusCode::UNPROCESSABLE_ENTITY
                 }
                 UploadError::DiskFull => StatusCode::INSUFFICIENT_STORAGE,
-                UploadError::Quota { .. } => StatusCode::FORBIDDEN,
+                UploadError::Quota(_) => StatusCode::FORBIDDEN,
                 UploadError::Busy | UploadError::Spool(_) | UploadError::Store(_) => {
                     StatusCode::SERVICE_UNAVAILABLE
                 }

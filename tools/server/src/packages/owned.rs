@@ -3,7 +3,7 @@
 //! `owned/OWNER/HASH.BYTES` is written for each record: so one listing, as long as the owner's quota allows, tells what it has. Nothing is
 //! counted in memory, so instances that share a store agree.
 
-use super::{Packages, StoreError, UploadError, record};
+use super::{Packages, StoreError, record};
 use crate::Id;
 use link_protocol::PackageId;
 use serde::Serialize;
@@ -13,9 +13,22 @@ pub(super) const OWNED: &str = "owned";
 
 /// The most that one owner may have.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Quota {
+pub(crate) struct Quota {
     pub(super) packages: usize,
     pub(super) bytes: u64,
+}
+
+/// An owner has no room for one more package.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "the owner of this token has {packages} packages here of {} that it may have, with {bytes} of {} bytes, and no room for this one: the owner lists them by GET /v1/packages, and removes one by DELETE /v1/packages/SHA256",
+    quota.packages,
+    quota.bytes
+)]
+pub(crate) struct OverQuota {
+    packages: usize,
+    bytes: u64,
+    quota: Quota,
 }
 
 /// A package that an owner has.
@@ -52,24 +65,22 @@ impl Packages {
         Ok(owned.map(|(_, owned)| owned).collect())
     }
 
-    /// Refuses a package for which its owner has no room.
-    pub(super) async fn check_quota(&self, owner: Id, new: Owned) -> Result<(), UploadError> {
-        let mut has = self.owned(owner).await.map_err(UploadError::store)?;
+    /// What this owner has, if it has no room for this package.
+    pub(super) async fn over_quota(
+        &self,
+        owner: Id,
+        new: Owned,
+    ) -> Result<Option<OverQuota>, StoreError> {
+        let mut has = self.owned(owner).await?;
         has.retain(|owned| owned.sha256 != new.sha256);
-        let bytes: u64 = has.iter().map(|owned| owned.bytes).sum();
-        let Quota {
-            packages: most,
-            bytes: most_bytes,
-        } = self.quota;
-        if has.len() >= most || bytes.saturating_add(new.bytes) > most_bytes {
-            return Err(UploadError::Quota {
-                packages: has.len(),
-                most,
-                bytes,
-                most_bytes,
-            });
-        }
-        Ok(())
+        let (packages, quota) = (has.len(), self.quota);
+        let bytes = (has.iter()).fold(0u64, |sum, owned| sum.saturating_add(owned.bytes));
+        let is_over = packages >= quota.packages || bytes.saturating_add(new.bytes) > quota.bytes;
+        Ok(is_over.then_some(OverQuota {
+            packages,
+            bytes,
+            quota,
+        }))
     }
 
     /// Removes all that says how large the package is that this owner had.

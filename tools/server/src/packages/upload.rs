@@ -3,6 +3,7 @@
 //! The spool file has no name (`O_TMPFILE`), so nothing of it is left when the process dies.
 
 use super::locks::Held;
+use super::owned::OverQuota;
 use super::places::Place;
 use super::{Owned, Packages, StoreError, package, record};
 use crate::Id;
@@ -37,15 +38,8 @@ pub(crate) enum UploadError {
     DiskFull,
     #[error("too many uploads of this owner, or of all owners together, are under way")]
     Busy,
-    #[error(
-        "the owner of this token has {packages} packages here of {most} that it may have, with {bytes} of {most_bytes} bytes, and no room for this one: the owner lists them by GET /v1/packages, and removes one by DELETE /v1/packages/SHA256"
-    )]
-    Quota {
-        packages: usize,
-        most: usize,
-        bytes: u64,
-        most_bytes: u64,
-    },
+    #[error(transparent)]
+    Quota(OverQuota),
     #[error("the server cannot store it at this moment; nothing of the upload was kept")]
     Spool(#[source] std::io::Error),
     #[error("the server cannot store it at this moment; nothing of the upload was kept")]
@@ -62,7 +56,7 @@ impl UploadError {
             Self::Package(_) => UploadRefusal::Package,
             Self::DiskFull => UploadRefusal::DiskFull,
             Self::Busy => UploadRefusal::Busy,
-            Self::Quota { .. } => UploadRefusal::Quota,
+            Self::Quota(_) => UploadRefusal::Quota,
             Self::Spool(_) | Self::Store(_) => UploadRefusal::Storage,
         }
     }
@@ -75,7 +69,7 @@ impl UploadError {
         }
     }
 
-    pub(super) fn store(error: StoreError) -> Self {
+    fn store(error: StoreError) -> Self {
         if is_full(&error) {
             Self::DiskFull
         } else {
@@ -111,7 +105,7 @@ impl Packages {
             sha256: hash,
             bytes: declared.unwrap_or(1),
         };
-        self.check_quota(owner, expected).await?;
+        self.within_quota(owner, expected).await?;
         let place = timeout(RECEIVED_WITHIN, self.uploads.take(owner)).await;
         let place = place.ok().flatten().ok_or(UploadError::Busy)?;
         let file = tempfile::tempfile_in(&self.spool).map_err(UploadError::spool)?;
@@ -155,7 +149,7 @@ impl Packages {
                 sha256: hash,
                 bytes: upload.bytes,
             };
-            self.check_quota(owner, owned).await?;
+            self.within_quota(owner, owned).await?;
             let head = self.store.size(&record).await;
             let known = head.map_err(UploadError::store)?.is_some();
             if !known {
@@ -207,6 +201,14 @@ impl Packages {
         self.metrics.packages_checked.inc();
         let upload = check(upload, place).await?;
         Ok((upload, lock))
+    }
+
+    async fn within_quota(&self, owner: Id, new: Owned) -> Result<(), UploadError> {
+        match self.over_quota(owner, new).await {
+            Ok(None) => Ok(()),
+            Ok(Some(over)) => Err(UploadError::Quota(over)),
+            Err(error) => Err(UploadError::store(error)),
+        }
     }
 
     async fn has_bytes(&self, upload: &Spooled) -> Result<bool, UploadError> {

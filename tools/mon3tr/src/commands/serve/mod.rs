@@ -5,8 +5,9 @@ mod forwarding;
 #[cfg(feature = "operator")]
 mod operator;
 
-use crate::device_options::{cache, make_folder};
+use crate::device_options::make_folder;
 use crate::network::{Network, asked_to_end};
+use crate::owner_token::{OWNER_TOKEN, server_folder};
 use anyhow::Context;
 use forwarding::Forwarder;
 use link_protocol::ice::IceUrl;
@@ -61,18 +62,6 @@ pub struct Options {
     new_owner: Option<String>,
 }
 
-/// Where the operator's token is kept, below the data folder; `send` on the same machine finds it there.
-pub(crate) fn owner_token_file(data: Option<&Path>) -> anyhow::Result<PathBuf> {
-    Ok(folder(data)?.join("owner-token"))
-}
-
-fn folder(data: Option<&Path>) -> anyhow::Result<PathBuf> {
-    match data {
-        Some(folder) => Ok(folder.to_path_buf()),
-        None => Ok(cache()?.join("server")),
-    }
-}
-
 /// Everything that the server writes is for its own user alone: avatars are people's likenesses.
 fn keep_to_oneself() {
     #[cfg(unix)]
@@ -102,7 +91,7 @@ fn raise_open_files() {
 pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     keep_to_oneself();
     raise_open_files();
-    let folder = folder(options.data.as_deref())?;
+    let folder = server_folder(options.data.as_deref())?;
     make_folder(&folder)?;
     let secret = Secret::load_or_create(&folder.join("secret"))?;
     if let Some(name) = &options.new_owner {
@@ -110,7 +99,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         return Ok(());
     }
     let token = secret.owner_token(HOST, FOREVER);
-    let token_file = folder.join("owner-token");
+    let token_file = folder.join(OWNER_TOKEN);
     write_private(&folder, &token_file, &token)
         .with_context(|| format!("cannot write {}", token_file.display()))?;
     let mut config = Config::new(
