@@ -10,6 +10,7 @@ use crate::settings::Settings;
 use anyhow::{Context, anyhow};
 use app_pipeline::placement::InferenceBackends;
 use app_pipeline::pool::in_own_pool;
+use app_session::SetAtEnd;
 use app_session::arrival::unless_over;
 use app_session::call::CallWatch;
 use app_session::headset::{
@@ -20,8 +21,8 @@ use app_session::own_motion::OwnMotion;
 use app_session::participant::{NetworkContext, Origin, Participant};
 use app_session::session::Session;
 use call_member::{
-    Acquaintances, Guest, Members, Performance, PrivacyButtons, Roster, SetAtEnd, WEARER_RATE,
-    WearerCapture, play_voices,
+    Acquaintances, Guest, Members, Performance, PrivacyButtons, Roster, WEARER_RATE, WearerCapture,
+    play_voices,
 };
 use identity::Keyring;
 use link_call::{Credentials, Door, Sender};

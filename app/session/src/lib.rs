@@ -66,6 +66,7 @@
 #![forbid(unsafe_code)]
 
 pub mod arrival;
+mod at_end;
 pub mod attendee;
 pub mod call;
 pub mod clip;
@@ -77,3 +78,5 @@ pub mod participant;
 pub mod pose_queue;
 pub mod presence;
 pub mod session;
+
+pub use at_end::SetAtEnd;

@@ -8,7 +8,9 @@ use crate::voice_track::{self, OutgoingVoice, VoicePacket};
 use crate::{CallError, candidates, is_set};
 use bytes::{Bytes, BytesMut};
 use link_protocol::announcement::ChannelMode;
-use link_protocol::data_channel::{Channel, FEEDBACK_CHANNEL, MOTION_CHANNEL, SUBPROTOCOL};
+use link_protocol::data_channel::{
+    Channel, FEEDBACK_CHANNEL, MOTION_CHANNEL, Message, SUBPROTOCOL,
+};
 use link_protocol::limits::MAX_MESSAGE_BYTES;
 use rtc::ice::mdns::MulticastDnsMode;
 use rtc::mdns::MulticastSocket;
@@ -302,6 +304,22 @@ impl Peer {
                 }
                 PeerEvent::Closed => return Err(CallError::NotConnected),
                 PeerEvent::Message(_) | PeerEvent::Voice(_) => {}
+            }
+        }
+    }
+
+    /// Waits until the channel is open and the viewer's first feedback has told the session's number.
+    pub(crate) async fn introduced(&mut self) -> Result<u32, CallError> {
+        self.opened().await?;
+        loop {
+            match self.next().await {
+                PeerEvent::Message(bytes) => {
+                    if let Some(session) = Message::session_of_feedback(&bytes) {
+                        return Ok(session);
+                    }
+                }
+                PeerEvent::Closed => return Err(CallError::NotConnected),
+                PeerEvent::Open | PeerEvent::Voice(_) => {}
             }
         }
     }

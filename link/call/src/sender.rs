@@ -4,6 +4,7 @@
 //! forwards, only so many are served so; the server is one viewer more, which hands on what is sealed for it.
 
 mod serving;
+mod watching;
 
 use crate::admission::{MOST_OPENING, Opening, Refusals};
 use crate::door::Door;
@@ -27,13 +28,14 @@ use link_voice::Voice;
 use serde::Serialize;
 use serving::{Offer, serve_viewer};
 use spmm3::MotionParams;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::{Notify, Semaphore, broadcast, watch};
 use tokio::task::JoinSet;
 use tokio::time::Instant;
+use watching::Watching;
 
 /// Viewers at once: what a home's uplink carries easily.
 const MAX_VIEWERS: usize = 32;
@@ -61,6 +63,7 @@ pub struct Sender {
     offered: Arc<Notify>,
     stop: watch::Sender<bool>,
     task: tokio::task::JoinHandle<()>,
+    watching: Watching,
     counts: Arc<Counts>,
 }
 
@@ -71,6 +74,8 @@ pub struct SenderStatistics {
     pub captured: u32,
     /// Viewers connected now, a server that forwards among them.
     pub viewers: usize,
+    /// Viewers that watch through the server, as it says.
+    pub watching: u64,
     /// Viewers that connected so far; one that comes back counts again.
     pub joined: u64,
     /// Frames handed to the network.
@@ -165,6 +170,7 @@ struct Shared {
     places: Places,
     refusals: Refusals,
     opening: Opening,
+    watching: Watching,
     counts: Arc<Counts>,
 }
 
@@ -239,6 +245,7 @@ impl Sender {
         let (stop, stopped) = watch::channel(false);
         let counts = Arc::<Counts>::default();
         let copies = WantedCopies::default();
+        let watching = Watching::default();
         let shared = Shared {
             client,
             planner: Planner::default(),
@@ -260,6 +267,7 @@ impl Sender {
             places: Places::default(),
             refusals: Refusals::default(),
             opening: Opening::new(MOST_OPENING),
+            watching: watching.clone(),
             counts: Arc::clone(&counts),
         };
         let task = tokio::spawn(answer_viewers(shared, entering, presence));
@@ -272,6 +280,7 @@ impl Sender {
             offered,
             stop,
             task,
+            watching,
             counts,
         }
     }
@@ -328,6 +337,7 @@ impl Sender {
         SenderStatistics {
             captured: self.frames.borrow().sequence,
             viewers: counts.viewers.load(Relaxed),
+            watching: self.watching.viewers(),
             joined: counts.joined.load(Relaxed),
             sent: counts.sent.load(Relaxed),
             skipped: counts.skipped.load(Relaxed),
@@ -342,13 +352,16 @@ impl Sender {
 
     /// Hangs up on every viewer and leaves the room. Returns the last statistics, with the viewers connected until then.
     pub async fn hang_up(mut self) -> SenderStatistics {
-        let SenderStatistics { viewers, .. } = self.statistics();
+        let SenderStatistics {
+            viewers, watching, ..
+        } = self.statistics();
         self.stop.send_replace(true);
         if let Err(error) = (&mut self.task).await {
             log::error!("a task of the call failed: {error}");
         }
         SenderStatistics {
             viewers,
+            watching,
             ..self.statistics()
         }
     }
@@ -373,6 +386,7 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
     let mut presence = Some(presence);
     let mut viewers = JoinSet::new();
     let mut leaving: HashMap<Name, watch::Sender<bool>> = HashMap::new();
+    let mut forwarders: HashSet<Name> = HashSet::new();
     let mut backoff = Backoff::default();
     let mut here = addresses::Watch::begin();
     let (doubt, door) = (Arc::clone(&shared.doubt), shared.door.clone());
@@ -410,6 +424,7 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
             event = next_event(&shared, &entering, &mut presence, &mut backoff) => event,
             Some(_) = viewers.join_next(), if !viewers.is_empty() => {
                 leaving.retain(|_, leave| !leave.is_closed());
+                forwarders.retain(|session| leaving.contains_key(session));
                 continue;
             }
         };
@@ -427,6 +442,9 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
                 }
                 let (leave, left) = watch::channel(false);
                 leaving.insert(session.clone(), leave);
+                if forwards {
+                    forwarders.insert(session.clone());
+                }
                 let shared = shared.clone();
                 viewers.spawn(async move {
                     let (refusals, opening) = (shared.refusals.clone(), shared.opening.clone());
@@ -449,7 +467,12 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
             PresenceEvent::Replaced if shared.venue.is_of_call() => presence = None,
             PresenceEvent::Replaced => {
                 log::warn!("another sender has entered the room: new viewers go there");
-                // The viewers of this sender may stay.
+                // Whoever the other one hands over is forwarded to from there; the viewers of this sender itself may stay.
+                for session in &forwarders {
+                    if let Some(leave) = leaving.remove(session) {
+                        leave.send_replace(true);
+                    }
+                }
                 is_set(&mut stop).await;
                 break;
             }

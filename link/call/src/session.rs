@@ -12,8 +12,8 @@ use bytes::Bytes;
 use identity::PublicKey;
 use link_codec::{Decoder, Micros};
 use link_playout::Clock;
-use link_playout::clock::ClockOffset;
-use link_protocol::data_channel::{Feedback, Message};
+use link_playout::clock::{ClockOffset, Exchange};
+use link_protocol::data_channel::{Feedback, Message, Pong};
 use link_protocol::{Announcement, Name, PackageId, RoomLink, sealed};
 use std::time::Duration;
 use tokio::time::{Instant, timeout};
@@ -222,6 +222,19 @@ impl Session {
         self.offset = ClockOffset::new();
         (self.pings, self.next_ping) = (0, Instant::now());
         true
+    }
+
+    /// Compares the two sides' clocks by a pong that has just arrived.
+    pub(crate) fn compare_clocks(&mut self, pong: Pong, clock: Clock) {
+        let exchange = Exchange {
+            sent: pong.asked,
+            arrived: pong.arrived,
+            left: pong.left,
+            returned: clock.now(),
+        };
+        if let Err(error) = self.offset.observe(&exchange) {
+            log::debug!("ignored a pong: {error}");
+        }
     }
 
     /// Sends a feedback if one is due.

@@ -109,6 +109,9 @@ pub struct ViewerStatistics {
     pub path: Option<Path>,
     /// The key of its sender, where it proved to have one.
     pub sender: Option<PublicKey>,
+    /// Why the last try to join did not succeed, until one does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub not_joined: Option<String>,
 }
 
 /// A viewer's place in a room.
@@ -297,6 +300,7 @@ impl Call {
                     self.with_statistics(|s| {
                         s.sessions += 1;
                         s.path = path;
+                        s.not_joined = None;
                     });
                     if is_known {
                         self.voice.begin_connection();
@@ -309,6 +313,7 @@ impl Call {
                     break;
                 }
                 Turn::Joined(Err(error)) => {
+                    self.with_statistics(|s| s.not_joined = Some(error.to_string()));
                     // Trying again may help, and so may who reads this.
                     let matters = matches!(
                         error,

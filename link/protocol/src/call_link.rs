@@ -58,6 +58,12 @@ impl CallLink {
         self.fragment.key
     }
 
+    /// Whether the link has a secret, by which everyone proves that they have it.
+    #[must_use]
+    pub fn has_secret(&self) -> bool {
+        self.fragment.secret.is_some()
+    }
+
     /// The server that has the call.
     #[must_use]
     pub fn server(&self) -> &ServerUrl {

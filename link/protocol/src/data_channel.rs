@@ -32,6 +32,7 @@ const FEEDBACK: u8 = 16;
 const PONG: u8 = 17;
 const STATE: u8 = 18;
 const FORWARDED: u8 = 19;
+const WATCHING: u8 = 22;
 const BYE: u8 = 31;
 
 /// A message that is no motion frame.
@@ -47,6 +48,11 @@ pub enum Message {
     Forwarded {
         /// The session that motion frames have from now on.
         of: u32,
+    },
+    /// Who forwards tells the sender to how many.
+    Watching {
+        /// Viewers connected now.
+        viewers: u32,
     },
     /// The side that sends it leaves the call.
     Bye,
@@ -101,6 +107,7 @@ impl Message {
             Self::Pong(_) => PONG,
             Self::State(_) => STATE,
             Self::Forwarded { .. } => FORWARDED,
+            Self::Watching { .. } => WATCHING,
             Self::Bye => BYE,
         });
         out.extend(session.to_le_bytes());
@@ -120,6 +127,7 @@ impl Message {
                 out.extend(sent.0.to_le_bytes());
             }
             Self::Forwarded { of } => out.extend(of.to_le_bytes()),
+            Self::Watching { viewers } => out.extend(viewers.to_le_bytes()),
             Self::Bye => {}
         }
     }
@@ -172,6 +180,9 @@ impl Message {
             FORWARDED => Some(Self::Forwarded {
                 of: u32::from_le_bytes(rest.try_into().ok()?),
             }),
+            WATCHING => Some(Self::Watching {
+                viewers: u32::from_le_bytes(rest.try_into().ok()?),
+            }),
             BYE if rest.is_empty() => Some(Self::Bye),
             _ => None,
         }
@@ -182,7 +193,7 @@ impl Message {
 mod tests {
     use super::*;
 
-    const ALL: [Message; 5] = [
+    const ALL: [Message; 6] = [
         Message::Feedback(Feedback {
             newest: 7,
             received: u64::MAX - 5,
@@ -201,6 +212,7 @@ mod tests {
             sent: Micros(1 << 40),
         }),
         Message::Forwarded { of: 0x0102_0304 },
+        Message::Watching { viewers: 500 },
         Message::Bye,
     ];
 

@@ -84,16 +84,14 @@ impl PresenceEvent {
             Self::Offer {
                 session,
                 sdp,
-                forwards: false,
-            } => ("offer", json!({ "session": session, "sdp": sdp })),
-            Self::Offer {
-                session,
-                sdp,
                 forwards,
-            } => (
-                "offer",
-                json!({ "session": session, "sdp": sdp, "forwards": forwards }),
-            ),
+            } => {
+                let mut offer = json!({ "session": session, "sdp": sdp });
+                if *forwards {
+                    offer["forwards"] = true.into();
+                }
+                ("offer", offer)
+            }
             Self::Leave { session } => ("leave", json!({ "session": session })),
             Self::IceServers(servers) => ("ice", json!({ "ice_servers": servers })),
             Self::Forwards => ("forwards", json!({})),

@@ -8,9 +8,6 @@ const SEAL: u8 = 21;
 /// Bytes of [`Header`].
 const HEADER_BYTES: usize = 9;
 
-/// Bytes that sealing adds to a message: the header and the tag.
-pub const SEALED_BYTES: usize = HEADER_BYTES + TAG_BYTES;
-
 /// Bytes of the tag of ChaCha20-Poly1305 (RFC 8439).
 pub const TAG_BYTES: usize = 16;
 

@@ -64,6 +64,7 @@ pub(crate) fn message_seeds() -> Vec<Vec<u8>> {
             sent: Micros(4),
         }),
         Message::Forwarded { of: 5 },
+        Message::Watching { viewers: 500 },
         Message::Bye,
     ];
     let mut seeds: Vec<Vec<u8>> = all

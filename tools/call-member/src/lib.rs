@@ -13,7 +13,7 @@ mod wearer;
 
 pub use acquaintances::{Acquaintances, Meeting};
 pub use members::{Member, Members};
-pub use perform::{Performance, SetAtEnd};
+pub use perform::Performance;
 pub use privacy::PrivacyButtons;
 pub use roster::{Guest, Roster, RosterFigures};
 pub use voices::{MIXED, MIXED_TIME, UnheardError, VoiceMixer, play_voices};

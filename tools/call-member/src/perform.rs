@@ -1,5 +1,6 @@
 //! What a person does and says, sent until it is over: motion on the calling thread, the voice on one of its own.
 
+use app_session::SetAtEnd;
 use app_session::own_motion::OwnMotion;
 use link_call::Sender;
 use link_playout::Clock;
@@ -78,15 +79,5 @@ impl<C: Capture> Capture for Mirrored<'_, C> {
             own.show(captured.at, &captured.motion);
         }
         Ok(captured)
-    }
-}
-
-/// Sets a flag when it is dropped, also by a panic: another thread ends with it.
-#[derive(Debug)]
-pub struct SetAtEnd<'a>(pub &'a AtomicBool);
-
-impl Drop for SetAtEnd<'_> {
-    fn drop(&mut self) {
-        self.0.store(true, Relaxed);
     }
 }

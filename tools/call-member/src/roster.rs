@@ -6,7 +6,7 @@ use crate::seats::{FORGIVEN, FORGOTTEN, Known, Seats, note_trouble};
 use anyhow::Context;
 use app_session::call::CallWatch;
 use app_session::participant::NetworkContext;
-use identity::PublicKey;
+use identity::{KeyHash, PublicKey};
 use link_call::{Credentials, Venue};
 use link_http::HttpError;
 use link_protocol::calls::{CallStatus, Seat, Taken};
@@ -32,6 +32,9 @@ const SILENCE: Duration = Duration::from_secs(5);
 
 /// After a goodbye the seat may seem taken for so long.
 const FAREWELL: Duration = Duration::from_secs(3);
+
+/// Who has not shown a key after so long is not waited for to say whether who opened the call is there.
+const SHOWN_WITHIN: Duration = Duration::from_secs(15);
 
 /// Changes of a person's state are told so far apart, at least; the last one is.
 const TOLD_APART: Duration = Duration::from_secs(2);
@@ -140,6 +143,7 @@ impl Roster<'_> {
         let mut asking: Option<Asking> = None;
         let mut asked = None;
         let mut troubled = false;
+        let mut opener = Opener::of(&self);
         std::thread::scope(|scope| {
             while !self.stop.load(Relaxed) {
                 let is_time = asked.is_none_or(|asked: Instant| asked.elapsed() >= PAUSE);
@@ -150,6 +154,7 @@ impl Roster<'_> {
                 match self.answer(&mut asking) {
                     Some(Ok(status)) => {
                         troubled = false;
+                        opener.begin();
                         for newcomer in self.arrivals(&status.seats, &mut seats) {
                             let (seat, watch) = (newcomer.seat.clone(), newcomer.watch.clone());
                             let (fetched, fetch, link) = (fetched.clone(), &fetch, &self.link);
@@ -181,6 +186,7 @@ impl Roster<'_> {
                     break;
                 }
                 self.look(&mut seats, &mut acquaintances);
+                self.miss_opener(&seats, &mut opener);
                 self.note(&mut figures);
                 std::thread::sleep(LOOK);
             }
@@ -309,7 +315,7 @@ impl Roster<'_> {
             match person {
                 Ok(Some(_)) if entry.watch.is_over() => {}
                 Ok(Some(person)) => {
-                    (self.tell)(&format!("{} has joined", entry.name));
+                    // It is told once the connection shows that they have the link.
                     entry.joined = Some(Instant::now());
                     self.members.lock().push(Member {
                         name: entry.name.clone(),
@@ -370,6 +376,26 @@ impl Roster<'_> {
         }
     }
 
+    /// Tells, once, that who opened the call is not among those who are there.
+    fn miss_opener(&self, seats: &Seats, opener: &mut Opener) {
+        let keys = seats.known.values().map(|person| {
+            if person.watch.is_over() {
+                Some(None)
+            } else {
+                person.watch.key()
+            }
+        });
+        let keys: Vec<_> = keys
+            .map(|shown| shown.map(|key| key.map(|key| key.hash())))
+            .collect();
+        if opener.is_missed(&keys, Instant::now()) {
+            (self.tell)(match keys.len() {
+                0 => "who opened the call is not here yet",
+                _ => "careful: nobody who is here is who opened the call, by the key in the link",
+            });
+        }
+    }
+
     /// Tells of changes, and forgets who is gone.
     fn look(&self, seats: &mut Seats, acquaintances: &mut Acquaintances) {
         let Seats {
@@ -384,6 +410,7 @@ impl Roster<'_> {
             }
             if let (false, Some(key)) = (person.is_introduced, person.watch.key()) {
                 person.is_introduced = true;
+                (self.tell)(&format!("{} has joined", person.name));
                 (self.tell)(&self.introduction(person, key, acquaintances));
             }
             let (state, (before, told_at)) = (person.watch.state(), person.state);
@@ -398,7 +425,7 @@ impl Roster<'_> {
             }
             if person.watch.is_over() && person.over.is_none() {
                 person.over = Some(now);
-                if person.joined.is_some() {
+                if person.is_introduced {
                     (self.tell)(&format!("{} has left", person.name));
                 }
                 let watch = &person.watch;
@@ -425,6 +452,45 @@ impl Roster<'_> {
     }
 }
 
+/// Who opened the call, as its link says, until it is known whether they are there.
+struct Opener {
+    /// Nothing where the link tells no key, it is one's own, or all is told.
+    key: Option<KeyHash>,
+    /// When the server first told who is there.
+    since: Option<Instant>,
+}
+
+impl Opener {
+    fn of(roster: &Roster<'_>) -> Self {
+        let own = roster.network.own.as_ref().map(|own| own.key().hash());
+        Self {
+            key: roster.link.key().filter(|key| Some(*key) != own),
+            since: None,
+        }
+    }
+
+    fn begin(&mut self) {
+        self.since.get_or_insert_with(Instant::now);
+    }
+
+    /// Whether it is known now that they are not among the people with these `keys`, each nothing as long as it is not known. True once.
+    fn is_missed(&mut self, keys: &[Option<Option<KeyHash>>], now: Instant) -> bool {
+        let (Some(key), Some(since)) = (self.key, self.since) else {
+            return false;
+        };
+        if keys.contains(&Some(Some(key))) {
+            self.key = None;
+            return false;
+        }
+        let is_known = keys.iter().all(Option::is_some);
+        let is_missed = is_known || now.duration_since(since) > SHOWN_WITHIN;
+        if is_missed {
+            self.key = None;
+        }
+        is_missed
+    }
+}
+
 /// What has changed of a person, a line each.
 fn told(name: &str, before: PersonState, now: PersonState) -> Vec<String> {
     let change = |was: bool, is: bool, begun: &str, ended: &str| {
@@ -442,6 +508,44 @@ fn told(name: &str, before: PersonState, now: PersonState) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn who_opened_the_call_is_missed_once_all_who_are_there_have_shown_their_keys() {
+        let hash = |seed: u8| {
+            let identity = identity::Identity::from_seed(&[seed; 32]);
+            identity.expect("a key").public().hash()
+        };
+        let (theirs, other) = (hash(1), hash(2));
+        let begun = Instant::now();
+        let opener = |since| Opener {
+            key: Some(theirs),
+            since,
+        };
+        let soon = begun + Duration::from_secs(1);
+        assert!(!opener(None).is_missed(&[], soon), "nothing is known yet");
+        let mut missed = opener(Some(begun));
+        assert!(
+            !missed.is_missed(&[None, Some(Some(other))], soon),
+            "one to come"
+        );
+        assert!(
+            missed.is_missed(&[Some(None), Some(Some(other))], soon),
+            "others"
+        );
+        assert!(!missed.is_missed(&[Some(Some(other))], soon), "told once");
+        let late = begun + SHOWN_WITHIN + Duration::from_secs(1);
+        assert!(
+            opener(Some(begun)).is_missed(&[None], late),
+            "not waited for"
+        );
+        assert!(opener(Some(begun)).is_missed(&[], soon), "nobody");
+        let mut here = opener(Some(begun));
+        assert!(!here.is_missed(&[Some(Some(theirs)), None], soon), "here");
+        assert!(
+            !here.is_missed(&[], late),
+            "who was here and left is not missed"
+        );
+    }
 
     #[test]
     fn only_what_has_changed_is_told() {

@@ -7,6 +7,7 @@ use link_playout::Clock;
 use link_protocol::RoomLink;
 use mon3tr::keys;
 use mon3tr::network::Network;
+use mon3tr::owner_token::OwnerToken;
 use mon3tr::report::{check_writable, write_json};
 use std::path::PathBuf;
 use std::sync::atomic::Ordering::Relaxed;
@@ -27,14 +28,8 @@ pub(crate) struct Options {
     /// An open room for the audience, by its sender's link [default: another one is opened on the same server, and the viewers' link printed]
     #[arg(long, value_name = "LINK")]
     into: Option<RoomLink>,
-    /// The owner's token, to open a room
-    #[arg(
-        long,
-        value_name = "TOKEN",
-        env = "MON3TR_OWNER_TOKEN",
-        hide_env_values = true
-    )]
-    owner_token: Option<String>,
+    #[command(flatten)]
+    token: OwnerToken,
     /// Viewers at most
     #[arg(long, value_name = "NUMBER", default_value = "500", value_parser = parse_viewers)]
     viewers: usize,
@@ -63,11 +58,11 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     let into = match &options.into {
         Some(link) => link.clone(),
         None => {
-            let token = options.owner_token.as_deref();
-            let token = token.context(
-                "no room for the audience: give --into LINK, or --owner-token to open one",
+            let server = options.link.server();
+            let token = (options.token.of(server)).context(
+                "no room for the audience: give --into LINK, or what opens one on the sender's server",
             )?;
-            let opened = client.open_room(options.link.server(), token, None);
+            let opened = client.open_room(server, &token, None);
             let room = network
                 .block_on(opened)
                 .context("cannot open a room for the audience")?;

@@ -21,6 +21,7 @@ mod moments;
 pub mod monado;
 pub mod network;
 mod notice;
+pub mod owner_token;
 pub mod performance;
 mod place;
 mod preview;

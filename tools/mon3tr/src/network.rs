@@ -86,6 +86,21 @@ pub(crate) async fn asked_to_end() -> std::io::Result<i32> {
     tokio::signal::ctrl_c().await.map(|()| INTERRUPTED)
 }
 
+/// Tells where a link does not let either side prove that it has the link; `shows_key` where it tells the other side's key all the same.
+pub(crate) fn warn_if_unproved(has_secret: bool, shows_key: bool) {
+    if has_secret {
+        return;
+    }
+    let proof = if shows_key {
+        "nothing but their key tells who the other side is"
+    } else {
+        "nothing proves who the other side is, nor that the server is not in between"
+    };
+    log::warn!(
+        "this link has no secret: {proof}, and whoever has a link with one refuses you. What `send` and `call` print has one, after the token: was all of it copied?"
+    );
+}
+
 /// What a command needs to talk to others.
 #[derive(Debug)]
 pub(crate) struct Line {

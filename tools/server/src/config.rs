@@ -1,9 +1,10 @@
 //! A server's configuration, with every bound it keeps.
 
+use crate::limit_values::{seconds, whole};
 use crate::{Forwarding, Secret};
 use link_protocol::ice::IceUrl;
-use link_protocol::limits::{ANSWER_WITHIN, MAX_SDP_BYTES};
-use serde::{Deserialize, Deserializer};
+use link_protocol::limits::{ANSWER_WITHIN, MAX_PACKAGE_BYTES, MAX_SDP_BYTES};
+use serde::Deserialize;
 use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -103,56 +104,74 @@ pub enum StoreConfig {
     },
 }
 
-/// Every bound a server keeps, so that no client makes it grow.
+/// Every bound a server keeps, so that no client makes it grow. Read from a file, each has to be in its range: what would serve nobody is refused.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
     /// Bytes of the largest package.
+    #[serde(deserialize_with = "whole::<1, MAX_PACKAGE_BYTES, _, _>")]
     pub package_bytes: u64,
     /// The folder of uploads until they are checked; they have no name there and vanish with the process. `None`: in the
     /// local store's folder, or the system's folder for temporary files.
     pub spool: Option<PathBuf>,
-    /// Uploads received at once; more get a 503 with `Retry-After`.
+    /// Uploads received at once. One owner gets no more of these places than it leaves free for others; who gets none for eight seconds is
+    /// answered 503 with `Retry-After`.
+    #[serde(deserialize_with = "whole::<1, 1024, _, _>")]
     pub uploads_at_once: usize,
-    /// Packages checked at once. A check unpacks the package: at most 512 MiB each, by the reader's own bounds.
+    /// Packages checked at once; owners take turns. A check unpacks the package: at most 1 GiB each, by the reader's own bounds.
+    #[serde(deserialize_with = "whole::<1, 64, _, _>")]
     pub checks_at_once: usize,
+    /// Packages that one owner may have. Several instances that share a store may each let one more through.
+    #[serde(deserialize_with = "whole::<1, 10_000, _, _>")]
+    pub packages_per_owner: usize,
+    /// Bytes that these may have together; each owner's count in full, also where another one has put the same.
+    #[serde(deserialize_with = "whole::<1, { 1 << 50 }, _, _>")]
+    pub bytes_per_owner: u64,
     /// Requests a second that one address may make in the long run; 0 lifts the limit. The address is the connection's, or, behind a proxy, the
     /// last one in `X-Forwarded-For`. IPv6 addresses count by their /64.
+    #[serde(deserialize_with = "whole::<0, 1_000_000, _, _>")]
     pub requests_per_second: u32,
     /// All connections come from a proxy, which adds the client's address to `X-Forwarded-For`. They are not counted by address then, and nobody else may
     /// be let through to this server: whoever was could say any address.
     pub behind_proxy: bool,
     /// Requests that one address may make at once.
+    #[serde(deserialize_with = "whole::<1, 1_000_000, _, _>")]
     pub request_burst: u32,
     /// Connections at once, from everywhere.
+    #[serde(deserialize_with = "whole::<1, 1_000_000, _, _>")]
     pub connections: usize,
     /// Connections at once from one address (IPv6: from one /64).
+    #[serde(deserialize_with = "whole::<1, 1_000_000, _, _>")]
     pub connections_per_address: usize,
     /// Rooms whose senders are connected to this instance.
+    #[serde(deserialize_with = "whole::<1, 1_000_000, _, _>")]
     pub rooms: usize,
     /// The same, of one owner.
+    #[serde(deserialize_with = "whole::<1, 1_000_000, _, _>")]
     pub rooms_per_owner: usize,
     /// Viewers of one room that wait for an answer.
+    #[serde(deserialize_with = "whole::<1, 1024, _, _>")]
     pub waiting_per_room: usize,
     /// Bytes of an SDP offer or answer.
+    #[serde(deserialize_with = "whole::<1024, { 1 << 20 }, _, _>")]
     pub sdp_bytes: usize,
     /// The longest that a room's tokens may be valid.
-    #[serde(deserialize_with = "seconds")]
+    #[serde(deserialize_with = "seconds::<60_000, 315_360_000, _>")]
     pub room_lifetime: Duration,
     /// How long a sender may take to answer an offer.
-    #[serde(deserialize_with = "seconds")]
+    #[serde(deserialize_with = "seconds::<100, 60, _>")]
     pub answer_within: Duration,
     /// How long a client may take to send a request's head; also how long an idle connection is kept.
-    #[serde(deserialize_with = "seconds")]
+    #[serde(deserialize_with = "seconds::<100, 600, _>")]
     pub head_within: Duration,
     /// How long any request may take, but for presence, uploads and downloads.
-    #[serde(deserialize_with = "seconds")]
+    #[serde(deserialize_with = "seconds::<100, 600, _>")]
     pub request_within: Duration,
     /// How long an upload may pause, and how long a client may leave what was sent to it unread.
-    #[serde(deserialize_with = "seconds")]
+    #[serde(deserialize_with = "seconds::<100, 600, _>")]
     pub pause: Duration,
     /// How long an upload may take altogether.
-    #[serde(deserialize_with = "seconds")]
+    #[serde(deserialize_with = "seconds::<1000, 86_400, _>")]
     pub upload_within: Duration,
 }
 
@@ -161,8 +180,10 @@ impl Default for Limits {
         Self {
             package_bytes: 128 << 20,
             spool: None,
-            uploads_at_once: 8,
+            uploads_at_once: 16,
             checks_at_once: 1,
+            packages_per_owner: 200,
+            bytes_per_owner: 4 << 30,
             requests_per_second: 50,
             behind_proxy: false,
             request_burst: 500,
@@ -180,11 +201,4 @@ impl Default for Limits {
             upload_within: Duration::from_secs(900),
         }
     }
-}
-
-/// A duration, which a file has in seconds.
-fn seconds<'de, D: Deserializer<'de>>(from: D) -> Result<Duration, D::Error> {
-    let seconds = f64::deserialize(from)?;
-    Duration::try_from_secs_f64(seconds)
-        .map_err(|_| serde::de::Error::custom(format!("{seconds} is no number of seconds")))
 }

@@ -12,6 +12,9 @@ pub trait Forwarding: fmt::Debug + Send + Sync {
 
     /// A viewer says that it has left, if it is one that was taken here.
     fn leave(&self, session: &Name);
+
+    /// Viewers that are forwarded to now.
+    fn viewers(&self) -> usize;
 }
 
 /// A viewer whom a sender hands over.

@@ -13,6 +13,7 @@ mod forwarding;
 mod http;
 mod ice;
 mod id;
+mod limit_values;
 mod metrics;
 mod packages;
 mod relay;

@@ -46,7 +46,9 @@ pub struct CallFigures {
     pub voice: Option<VoiceStatistics>,
     /// Where the time goes.
     pub latency: LatencyFigures,
-    /// Pauses of more than a quarter of a second between frames.
+    /// All pauses of more than a quarter of a second from the first frame to the end of the call, together.
+    pub seconds_without_motion: f64,
+    /// Pauses of more than a quarter of a second between frames, the first of them.
     pub gaps: Vec<Gap>,
     /// Pictures asked for, by where their motion came from.
     pub shown: Vec<(ConcealmentState, u64)>,
@@ -99,6 +101,8 @@ pub(super) struct Log {
     mouth_to_ear: Times,
     apart: Times,
     gaps: Vec<Gap>,
+    /// Of all gaps, milliseconds.
+    gaps_ms: f64,
     shown: [u64; ConcealmentState::ALL.len()],
 }
 
@@ -117,6 +121,7 @@ impl Log {
             mouth_to_ear: Times::new(),
             apart: Times::new(),
             gaps: Vec::with_capacity(MOST_GAPS),
+            gaps_ms: 0.0,
             shown: [0; ConcealmentState::ALL.len()],
         }
     }
@@ -128,9 +133,12 @@ impl Log {
         self.first.get_or_insert(timing.released);
         if let Some(last) = self.last.replace(timing.released) {
             let ms = ms_between(last, timing.released);
-            if ms > GAP_MS && self.gaps.len() < MOST_GAPS {
-                let at_s = ms_between(self.begun, last) / 1e3;
-                self.gaps.push(Gap { at_s, ms });
+            if ms > GAP_MS {
+                self.gaps_ms += ms;
+                if self.gaps.len() < MOST_GAPS {
+                    let at_s = ms_between(self.begun, last) / 1e3;
+                    self.gaps.push(Gap { at_s, ms });
+                }
             }
         }
         let ready = timing.due.max(timing.arrived);
@@ -179,6 +187,8 @@ impl Log {
             .first
             .zip(self.last)
             .map_or(0.0, |(first, last)| ms_between(first, last) / 1e3);
+        let since_last = self.last.map_or(0.0, |last| ms_between(last, now));
+        let at_the_end = if since_last > GAP_MS { since_last } else { 0.0 };
         CallFigures {
             announced: *announced,
             seconds: ms_between(self.begun, now) / 1e3,
@@ -203,6 +213,7 @@ impl Log {
                 voice_apart: self.apart.percentiles(),
                 jitter_buffer_depth_ms: playout.delay.as_secs_f64() * 1e3,
             },
+            seconds_without_motion: (self.gaps_ms + at_the_end) / 1e3,
             gaps: self.gaps.clone(),
             shown: ConcealmentState::ALL
                 .into_iter()
@@ -219,5 +230,67 @@ fn ms_between(from: Micros, to: Micros) -> f64 {
         (to.0 - from.0) as f64 / 1e3
     } else {
         -((from.0 - to.0) as f64 / 1e3)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use link_protocol::PackageId;
+    use link_protocol::announcement::{AvatarRef, ChannelMode};
+
+    /// Frames at these times, looked at `now`, milliseconds.
+    fn without_motion(frames: &[u64], now: u64) -> f64 {
+        let mut log = Log::new(Micros(0));
+        for at in frames {
+            let at = Micros(at * 1000);
+            let timing = Timing {
+                captured: at,
+                captured_local: None,
+                arrived: at,
+                due: at,
+                released: at,
+            };
+            log.released(&timing, 0, None);
+        }
+        let announced = Announcement {
+            avatar: AvatarRef {
+                sha256: PackageId::of_bytes(b"avatar"),
+                bytes: 6,
+            },
+            channel: ChannelMode::default(),
+            codec: link_codec::Codec::default(),
+            rate_hz: 30.0,
+        };
+        let figures = log.figures(
+            Micros(now * 1000),
+            &announced,
+            ViewerStatistics::default(),
+            PlayoutStatistics::default(),
+            None,
+        );
+        figures.seconds_without_motion
+    }
+
+    #[test]
+    fn pauses_are_told_together_with_the_one_at_the_end() {
+        assert!((without_motion(&[], 5000)).abs() < 1e-9, "none began");
+        assert!(
+            (without_motion(&[0, 200, 400], 600)).abs() < 1e-9,
+            "no pause"
+        );
+        assert!(
+            (without_motion(&[0, 300, 400, 2400], 2500) - 2.3).abs() < 1e-9,
+            "two"
+        );
+        assert!(
+            (without_motion(&[0, 100], 4100) - 4.0).abs() < 1e-9,
+            "at the end"
+        );
+        let many: Vec<u64> = (0..200).map(|number| number * 500).collect();
+        assert!(
+            (without_motion(&many, 99_500) - 99.5).abs() < 1e-9,
+            "more than are listed"
+        );
     }
 }

@@ -4,6 +4,7 @@ mod report;
 
 pub use report::SessionReport;
 
+use crate::SetAtEnd;
 use crate::attendee::{Attendee, PersonReport};
 use crate::display::attendance::{Attendance, Doorway, Ready};
 use crate::display::{
@@ -294,14 +295,5 @@ impl<'a> Session<'a> {
             Ok::<_, ReceiverError>(lanes)
         })?;
         Ok(lanes?)
-    }
-}
-
-/// Sets a flag when it is dropped, also by a panic: a thread that looks at it ends.
-struct SetAtEnd<'a>(&'a AtomicBool);
-
-impl Drop for SetAtEnd<'_> {
-    fn drop(&mut self) {
-        self.0.store(true, Relaxed);
     }
 }

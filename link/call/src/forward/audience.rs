@@ -83,18 +83,7 @@ impl Stage {
         let (mut peer, answer) = Peer::answer(plan, announced.channel, offer.clone()).await?;
         let introduced = timeout(OPEN_WITHIN, async {
             reply.answer(announced, &offer, &answer).await?;
-            peer.opened().await?;
-            loop {
-                match peer.next().await {
-                    PeerEvent::Message(bytes) => {
-                        if let Some(session) = Message::session_of_feedback(&bytes) {
-                            return Ok::<_, CallError>(session);
-                        }
-                    }
-                    PeerEvent::Closed => return Err(CallError::NotConnected),
-                    PeerEvent::Open | PeerEvent::Voice(_) => {}
-                }
-            }
+            peer.introduced().await
         });
         let mut stop = self.stop.clone();
         let session = tokio::select! {
@@ -201,7 +190,7 @@ async fn hand_on(
                         answer_bye(peer, session).await;
                         return "it hung up";
                     }
-                    Some(Message::Pong(_) | Message::State(_) | Message::Forwarded { .. }) | None => {
+                    Some(Message::Pong(_) | Message::State(_) | Message::Forwarded { .. } | Message::Watching { .. }) | None => {
                         log::debug!("ignored a message of {} bytes", bytes.len());
                     }
                 }

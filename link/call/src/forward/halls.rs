@@ -79,7 +79,7 @@ impl Reply for Here {
 }
 
 impl Halls {
-    /// None is open yet; `most` viewers are taken, in all together.
+    /// None is open yet; `most` viewers are taken, in all together, of which one hall gets no more than it leaves free.
     #[must_use]
     pub fn new(most: usize) -> Self {
         Self {
@@ -116,12 +116,16 @@ impl Halls {
         {
             let mut open = self.locked();
             let begun: usize = open.values().map(Hall::begun).sum();
-            if begun >= self.most {
-                log::warn!("a viewer is refused: {begun} are forwarded to already");
-                return Err(CallError::TooManyViewers);
-            }
             let hall = open.get_mut(room.room().room());
             let hall = hall.ok_or(CallError::TooManyViewers)?;
+            let here = hall.begun();
+            if !has_room(here, begun, self.most) {
+                log::warn!(
+                    "a viewer is refused: of {} places {begun} are taken, {here} of them by its room, which gets no more than it leaves free",
+                    self.most
+                );
+                return Err(CallError::TooManyViewers);
+            }
             let place = hall.stage.place().ok_or(CallError::TooManyViewers)?;
             hall.leaving.retain(|_, leave| !leave.is_closed());
             if let Some(oldest) = hall.opening.begin(&session) {
@@ -230,9 +234,7 @@ impl Halls {
     /// Closes a hall to newcomers, unless another one is in its place.
     fn close(&self, name: &Name, stage: &Stage) -> Option<Hall> {
         let mut open = self.locked();
-        let is_it = |hall: &mut Hall| Arc::ptr_eq(&hall.stage.counts, &stage.counts);
-        open.get_mut(name)
-            .is_some_and(is_it)
+        is_open(&open, name, stage)
             .then(|| open.remove(name))
             .flatten()
     }
@@ -246,9 +248,7 @@ impl Halls {
             looks.tick().await;
             // With the lock nobody enters meanwhile.
             let mut open = self.locked();
-            let is_open =
-                (open.get(name)).is_some_and(|hall| Arc::ptr_eq(&hall.stage.counts, &stage.counts));
-            if !is_open {
+            if !is_open(&open, name, stage) {
                 return;
             }
             empty_for = match stage.counts.begun.load(Relaxed) {
@@ -268,9 +268,46 @@ impl Halls {
     }
 }
 
+/// Whether the hall of this stage is still the one that newcomers are taken into.
+fn is_open(open: &HashMap<Name, Hall>, name: &Name, stage: &Stage) -> bool {
+    open.get(name)
+        .is_some_and(|hall| Arc::ptr_eq(&hall.stage.counts, &stage.counts))
+}
+
+/// Whether a room that has `here` of the `taken` places gets another one of `most`: as long as it leaves at least as many free for other rooms. So one
+/// room has half of all at most, a second one a quarter, and there is always one left for a room that has none until all are taken.
+fn has_room(here: usize, taken: usize, most: usize) -> bool {
+    here < most.saturating_sub(taken)
+}
+
 impl Hall {
     /// Viewers from their offers on.
     fn begun(&self) -> usize {
         self.stage.counts.begun.load(Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::has_room;
+
+    #[test]
+    fn one_room_leaves_places_for_others() {
+        // How many rooms get, one after the other.
+        let fill = |most: usize| -> Vec<usize> {
+            let mut taken = 0;
+            let got = (0..6).map(|_| {
+                let mut here = 0;
+                while has_room(here, taken, most) {
+                    (here, taken) = (here + 1, taken + 1);
+                }
+                here
+            });
+            got.collect()
+        };
+        assert_eq!(fill(500), [250, 125, 63, 31, 16, 8]);
+        assert_eq!(fill(8), [4, 2, 1, 1, 0, 0]);
+        assert_eq!(fill(1), [1, 0, 0, 0, 0, 0], "the only place");
+        assert!(!has_room(0, 9, 8), "more than there are");
     }
 }

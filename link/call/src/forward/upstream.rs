@@ -10,7 +10,6 @@ use crate::{Backoff, CallError, answer_bye, is_set, send_bye};
 use bytes::Bytes;
 use identity::PublicKey;
 use link_playout::Clock;
-use link_playout::clock::Exchange;
 use link_protocol::data_channel::Message;
 use link_protocol::sealed::Header;
 use link_protocol::{Announcement, sealed};
@@ -25,6 +24,9 @@ const SILENCE: Duration = Duration::from_millis(800);
 
 /// How often silence and feedback are looked at.
 const TICK: Duration = Duration::from_millis(50);
+
+/// How often the sender is told how many watch: a message may be lost.
+const TELL_EVERY: Duration = Duration::from_secs(1);
 
 /// Why the connection to the sender has ended.
 #[derive(Debug, thiserror::Error)]
@@ -189,8 +191,17 @@ impl Upstream {
         let mut budget = Budget::of(&self.announcing.borrow());
         let mut ticks = interval(TICK);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut tells = interval(TELL_EVERY);
+        tells.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             tokio::select! {
+                // A sender believes this of its server's forwarder alone.
+                _ = tells.tick(), if self.only_sealed => {
+                    let viewers = self.counts.viewers.load(Relaxed);
+                    let viewers = u32::try_from(viewers).unwrap_or(u32::MAX);
+                    Message::Watching { viewers }.write(session.id, &mut out);
+                    session.peer.try_send(&out).await;
+                }
                 () = is_set(&mut self.stop) => {
                     send_bye(&mut session.peer, session.id).await;
                     return Ended::Stopped;
@@ -251,15 +262,7 @@ impl Upstream {
         match arrived {
             Arrived::Message(Message::Bye) => return Ok(true),
             Arrived::Message(Message::Pong(pong)) => {
-                let exchange = Exchange {
-                    sent: pong.asked,
-                    arrived: pong.arrived,
-                    left: pong.left,
-                    returned: self.clock.now(),
-                };
-                if let Err(error) = session.offset.observe(&exchange) {
-                    log::debug!("ignored a pong: {error}");
-                }
+                session.compare_clocks(pong, self.clock);
                 let offset = session.offset.offset_us().unwrap_or(UNKNOWN);
                 self.counts.offset_us.store(offset, Relaxed);
             }
@@ -274,7 +277,9 @@ impl Upstream {
                     is_new
                 });
             }
-            Arrived::Message(Message::Feedback(_)) | Arrived::Unsealed | Arrived::Nothing => {}
+            Arrived::Message(Message::Feedback(_) | Message::Watching { .. })
+            | Arrived::Unsealed
+            | Arrived::Nothing => {}
             Arrived::Message(Message::State(_)) if self.only_sealed => {}
             Arrived::Message(Message::State(state)) => {
                 // Without viewers nobody listens.

@@ -1,5 +1,6 @@
 //! One viewer of a sender: its connection, what it is sent, and what it sends back.
 
+use super::watching::Forwards;
 use super::{MAX_VIEWERS, Shared};
 use crate::door::{Stay, Visitor};
 use crate::introduction;
@@ -179,25 +180,16 @@ pub(super) async fn serve_viewer(
         }
         admitted => admitted?,
     };
-    let Offer { sdp: offer, .. } = offer;
+    let Offer {
+        sdp: offer,
+        forwards,
+    } = offer;
     let (mut peer, answer) = Peer::answer(plan, shared.channel, offer.clone()).await?;
     let own = shared.credentials.as_ref();
     let answer = introduction::introduce_sender(own, &room, shared.avatar, &offer, &answer)?;
-    // The viewer's first feedback has the session's number.
     let introduced = timeout(OPEN_TIMEOUT, async {
         shared.client.answer(&room, name, &answer).await?;
-        peer.opened().await?;
-        loop {
-            match peer.next().await {
-                PeerEvent::Message(bytes) => {
-                    if let Some(session) = Message::session_of_feedback(&bytes) {
-                        return Ok(session);
-                    }
-                }
-                PeerEvent::Closed => return Err(CallError::NotConnected),
-                PeerEvent::Open | PeerEvent::Voice(_) => {}
-            }
-        }
+        peer.introduced().await
     });
     let mut stop = shared.stop.clone();
     let session = tokio::select! {
@@ -230,7 +222,17 @@ pub(super) async fn serve_viewer(
         session,
         sealed: Vec::new(),
     };
-    let why = send_motion(&mut shared, before, outlet, place, &mut left, stay.as_ref()).await;
+    let watching = forwards.then(|| shared.watching.begin());
+    let why = send_motion(
+        &mut shared,
+        before,
+        outlet,
+        place,
+        watching,
+        &mut left,
+        stay.as_ref(),
+    )
+    .await;
     drop(stay);
     counts.viewers.fetch_sub(1, Relaxed);
     log::info!("{who} has left (session {session:08x}): {why}");
@@ -244,6 +246,7 @@ async fn send_motion(
     before: u32,
     mut outlet: Outlet<'_>,
     mut place: Option<OwnedSemaphorePermit>,
+    mut watching: Option<Forwards>,
     left: &mut watch::Receiver<bool>,
     stay: Option<&Stay>,
 ) -> &'static str {
@@ -348,6 +351,12 @@ async fn send_motion(
                             let pong = Pong { asked: feedback.sent, arrived, left: shared.clock.now() };
                             Message::Pong(pong).write(session, &mut out);
                             outlet.peer.try_send(&out).await;
+                        }
+                    }
+                    // Believed of the server's forwarder alone.
+                    Some(Message::Watching { viewers }) => {
+                        if let Some(watching) = &mut watching {
+                            watching.report(viewers);
                         }
                     }
                     Some(Message::Bye) => {

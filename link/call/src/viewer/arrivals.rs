@@ -5,7 +5,6 @@ use crate::CallError;
 use crate::session::{Arrived, Session};
 use crate::voice_track::VoicePacket;
 use bytes::Bytes;
-use link_playout::clock::Exchange;
 use link_protocol::data_channel::{Message, State};
 use link_voice::{Voice, timestamp};
 use std::sync::atomic::Ordering::Relaxed;
@@ -36,15 +35,7 @@ impl Call {
         match arrived {
             Arrived::Message(Message::Bye) => return Handled::Bye,
             Arrived::Message(Message::Pong(pong)) => {
-                let exchange = Exchange {
-                    sent: pong.asked,
-                    arrived: pong.arrived,
-                    left: pong.left,
-                    returned: self.clock.now(),
-                };
-                if let Err(error) = session.offset.observe(&exchange) {
-                    log::debug!("ignored a pong: {error}");
-                }
+                session.compare_clocks(pong, self.clock);
                 self.with_statistics(|s| {
                     s.clock_offset_us = session.offset.offset_us();
                     s.round_trip_us = session
@@ -70,7 +61,8 @@ impl Call {
                 self.emit(CallEvent::Joined);
             }
             Arrived::Motion(message) => self.show(session, &message, out).await,
-            Arrived::Message(Message::Feedback(_)) | Arrived::Nothing => {}
+            Arrived::Message(Message::Feedback(_) | Message::Watching { .. })
+            | Arrived::Nothing => {}
         }
         Handled::Goes
     }

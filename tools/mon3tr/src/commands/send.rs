@@ -2,22 +2,24 @@
 
 use crate::camera::{CameraCapture, CameraFigures, CameraOptions, OpenCamera};
 use crate::commands::send_memory::{SenderMemory, Watched};
-use crate::commands::serve::owner_token_file;
 use crate::device_options::DeviceOptions;
 use crate::doorkeeper::{DoorOptions, Doorkeeper};
 use crate::ending;
 use crate::keys;
 use crate::network::{self, Line};
+use crate::owner_token::OwnerToken;
 use crate::performance::MotionOptions;
 use crate::preview::Preview;
 use crate::progress;
 use crate::report::{check_writable, write_json};
 use crate::stills::load_avatar;
 use crate::voice_options::VoiceOptions;
-use anyhow::{Context, anyhow, bail};
+use anyhow::{Context, bail};
+use app_session::SetAtEnd;
 use app_session::headset::WearerSlot;
 use app_session::own_motion::OwnMotion;
-use call_member::{Performance, SetAtEnd, WEARER_RATE, WearerCapture};
+use call_member::{Performance, WEARER_RATE, WearerCapture};
+use link_call::sender::SenderStatistics;
 use link_call::{Credentials, Door, Sender};
 use link_codec::Codec;
 use link_protocol::RoomLink;
@@ -102,14 +104,8 @@ pub(crate) struct HostOptions {
     /// The server on which to open a room
     #[arg(long, value_name = "URL", default_value = "http://127.0.0.1:8080")]
     server: ServerUrl,
-    /// The owner's token: what is in the file that `serve` names [default: that of a server on this machine]
-    #[arg(
-        long,
-        value_name = "TOKEN",
-        env = "MON3TR_OWNER_TOKEN",
-        hide_env_values = true
-    )]
-    pub(crate) owner_token: Option<String>,
+    #[command(flatten)]
+    token: OwnerToken,
 }
 
 /// What the command measured.
@@ -124,7 +120,7 @@ pub(crate) struct Report {
     camera: Option<CameraFigures>,
     memory: SenderMemory,
     #[serde(flatten)]
-    sent: link_call::sender::SenderStatistics,
+    sent: SenderStatistics,
 }
 
 /// Runs `send`.
@@ -297,8 +293,19 @@ pub(crate) fn perform(
 /// Tells the performer by how many they are seen, as it changes, until it is over.
 fn tell_of_viewers(host: &Sender, over: &AtomicBool) {
     let (mut told, mut next) = (0, Instant::now());
+    let (mut told_watching, mut next_watching) = (0, Instant::now());
     while !over.load(Relaxed) {
-        let viewers = host.statistics().viewers;
+        let SenderStatistics {
+            viewers, watching, ..
+        } = host.statistics();
+        if watching != told_watching && Instant::now() >= next_watching {
+            match watching {
+                0 => println!("nobody watches through the server any longer"),
+                1 => println!("one watches through the server"),
+                _ => println!("{watching} watch through the server"),
+            }
+            (told_watching, next_watching) = (watching, Instant::now() + TOLD_APART);
+        }
         if viewers != told && Instant::now() >= next {
             match viewers {
                 0 => println!("nobody sees you any longer"),
@@ -460,14 +467,6 @@ impl PersonOptions {
 }
 
 impl HostOptions {
-    /// This server, with this token if it is given.
-    pub(crate) fn new(server: ServerUrl, owner_token: Option<String>) -> Self {
-        Self {
-            server,
-            owner_token,
-        }
-    }
-
     /// The server.
     pub(crate) fn server(&self) -> &ServerUrl {
         &self.server
@@ -476,25 +475,9 @@ impl HostOptions {
     /// The right to open rooms.
     ///
     /// # Errors
-    /// If it was not given, and the server is not on this machine.
+    /// As [`OwnerToken::of`].
     pub(crate) fn owner_token(&self) -> anyhow::Result<String> {
-        if let Some(token) = &self.owner_token {
-            return Ok(token.clone());
-        }
-        if !self.server.is_here() {
-            bail!(
-                "no owner's token: give --owner-token: what is in the file that `mon3tr serve` named where it runs"
-            );
-        }
-        let file = owner_token_file(None)?;
-        match std::fs::read_to_string(&file) {
-            Ok(token) => Ok(token.trim().to_owned()),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Err(anyhow!(
-                "no owner's token: there is no {}: start `mon3tr serve` on this machine first, or give --owner-token: what is in the file that `mon3tr serve` named, elsewhere with --data",
-                file.display()
-            )),
-            Err(error) => Err(error).with_context(|| format!("cannot read {}", file.display())),
-        }
+        self.token.of(&self.server)
     }
 }
 
@@ -503,7 +486,7 @@ impl Options {
         if let Some(link) = &self.room {
             return Ok(Place::Room {
                 link: link.clone(),
-                owner_token: self.host.owner_token.clone(),
+                owner_token: self.host.token.given().map(str::to_owned),
             });
         }
         Ok(Place::Server {
@@ -545,11 +528,11 @@ impl Report {
             );
         }
         println!(
-            "sent {} of {} frames captured in {:.1} s to {} viewers, {} skipped; {} on the {} channel: {:.1} bytes a frame",
-            sent.sent,
+            "captured {} frames in {:.1} s; to {} viewers {} were sent in all, and {} left out; {} on the {} channel: {:.1} bytes a frame",
             sent.captured,
             self.seconds,
             sent.joined,
+            sent.sent,
             sent.skipped,
             self.codec,
             self.channel,

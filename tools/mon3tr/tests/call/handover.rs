@@ -93,10 +93,21 @@ fn speaker(house: &House, codec: &str) -> (Program, RoomLink, String) {
     (sender.program, link, sender.own)
 }
 
+/// The number of this line of the server's counters.
+fn metric(house: &House, line: &str) -> Option<String> {
+    let mut stream = TcpStream::connect(house.address).expect("the server is there");
+    let ask = "GET /metrics HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n";
+    stream.write_all(ask.as_bytes()).expect("asked");
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).expect("answered");
+    let found = answer.lines().find_map(|l| l.strip_prefix(line));
+    found.map(str::to_owned)
+}
+
 #[test]
 fn the_ninth_viewer_is_handed_to_the_server_and_sees_and_hears_the_same() {
     let house = House::open_with(&["--forward"]);
-    let (sender, link, own) = speaker(&house, "compact");
+    let (mut sender, link, own) = speaker(&house, "compact");
     let hall = Hall::of(&house);
     let mut viewers = hall.fill(&link, DIRECT);
     assert!(
@@ -106,6 +117,9 @@ fn the_ninth_viewer_is_handed_to_the_server_and_sees_and_hears_the_same() {
     viewers.extend(hall.fill(&link, 5));
     house.server_says("forwarding begins in room", 1);
     assert_alike(&frames(&viewers, 60));
+    sender.says("5 watch through the server", 1);
+    let forwarded_to = metric(&house, "mon3tr_viewers_forwarded_to ");
+    assert_eq!(forwarded_to.as_deref(), Some("5"));
     let owner = hall.authentication.signer;
     for (number, viewer) in viewers.iter().enumerate() {
         let statistics = viewer.statistics();
@@ -155,6 +169,29 @@ fn the_ninth_viewer_is_handed_to_the_server_and_sees_and_hears_the_same() {
     house.server_says("forwarding has ended in room", 1);
 }
 
+/// The first one stays, with the viewers that it serves itself; whom the second hands over must not be shown the first.
+#[test]
+fn a_sender_that_takes_anothers_place_is_forwarded_in_its_place() {
+    let house = House::open_with(&["--forward"]);
+    let (mut first, link, own) = speaker(&house, "compact");
+    let hall = Hall::of(&house);
+    let viewers = hall.fill(&link, DIRECT + 1);
+    house.server_says("forwarding begins in room", 1);
+    let avatar = house.avatar.to_str().expect("UTF-8").to_owned();
+    let mut second = house.send(&["--room", &own, "--avatar", &avatar]);
+    first.says("another sender has entered the room", 1);
+    second.says("the server's forwarder has joined", 1);
+    let forwarded = &viewers[DIRECT..];
+    for viewer in forwarded {
+        while viewer.next(Duration::ZERO).is_ok() {}
+    }
+    assert!(frames(forwarded, 60)[0].len() >= 60, "it goes on");
+    assert!(first.is_running(), "so does the first one");
+    let sent = second.ends();
+    assert_eq!(count(&sent, "viewers"), 1, "the forwarder alone: {sent:#}");
+    first.ends();
+}
+
 /// A sender of another program that refuses everyone: the server does not keep who it cannot serve.
 #[test]
 fn who_cannot_be_forwarded_to_is_told_that_there_are_too_many() {
@@ -198,6 +235,9 @@ fn who_cannot_be_forwarded_to_is_told_that_there_are_too_many() {
         viewer.said()
     );
     viewer.ask_to_end();
+    let said = viewer.fails();
+    let why = "it never began: the sender has as many viewers as it serves";
+    assert!(said.contains(why), "{said}");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Who may drive an avatar, and who has the link.
 
+use crate::both_ways::{begin, host};
 use crate::command::{Outcome, command};
 use crate::house::{House, Program, count};
 use identity::Identity;
@@ -13,6 +14,7 @@ use link_protocol::room_link::ServerUrl;
 use link_voice::VoiceQueue;
 use spmm3::Avatar;
 use std::time::Duration;
+use test_support::speech::syllables;
 
 /// The keys of three people, each in a file of its own.
 fn key(house: &House, name: &str) -> String {
@@ -164,12 +166,39 @@ fn viewers_refuse_who_took_an_avatar() {
 }
 
 #[test]
+fn who_opened_a_call_is_missed_where_others_are_there_alone() {
+    let house = House::open();
+    let host = host(&house);
+    let mut ada = begin(&house, "ada", &syllables(1), &host.arguments());
+    let link = ada.word_after("mon3tr call ");
+    let (before, _) = link.split_once(":secret=").expect("a secret");
+    let mut cut = begin(&house, "cut", &syllables(2), &[before]);
+    cut.says("this link has no secret", 1);
+    cut.ask_to_end();
+    let (start, key) = link.split_once(":key=").expect("a key");
+    let first = if key.starts_with('a') { "b" } else { "a" };
+    let other = format!("{start}:key={first}{}", &key[1..]);
+    let mut bob = begin(&house, "bob", &syllables(3), &[&other]);
+    bob.says("ada has joined", 1);
+    bob.says("careful: nobody who is here is who opened the call", 1);
+    // Nobody is told to have joined who does not have the link.
+    assert!(!bob.said().contains("cut has joined"), "{}", bob.said());
+    ada.ends();
+    bob.says("ada has left", 1);
+    bob.ends();
+}
+
+#[test]
 fn who_has_a_part_of_the_link_only_is_told_so_and_sees_nothing() {
     let house = House::open();
     let mut sender = house.sender(&[]);
     let (before, _) = sender.viewers.split_once(":secret=").expect("a secret");
     let said = house.receiver(before, "cut", &[]).fails();
     assert!(said.contains("whole link"), "{said}");
+    // Also before anybody is there.
+    let warned = said.find("this link has no secret").expect("a warning");
+    let refused = said.find("whole link").expect("the refusal");
+    assert!(warned < refused, "{said}");
     sender
         .program
         .says("does not prove that it has the link", 1);

@@ -115,6 +115,7 @@ impl HttpError {
                     StatusCode::UNPROCESSABLE_ENTITY
                 }
                 UploadError::DiskFull => StatusCode::INSUFFICIENT_STORAGE,
+                UploadError::Quota(_) => StatusCode::FORBIDDEN,
                 UploadError::Busy | UploadError::Spool(_) | UploadError::Store(_) => {
                     StatusCode::SERVICE_UNAVAILABLE
                 }

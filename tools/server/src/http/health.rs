@@ -58,6 +58,10 @@ async fn store_answers(app: &App) -> bool {
 
 #[cfg(feature = "metrics")]
 pub(super) async fn metrics(State(app): State<Arc<App>>) -> impl axum::response::IntoResponse {
+    if let Some(forwarding) = &app.forwarding {
+        let viewers = i64::try_from(forwarding.viewers()).unwrap_or(i64::MAX);
+        app.metrics.forwarded_to.set(viewers);
+    }
     let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
     (
         [(axum::http::header::CONTENT_TYPE, kind)],

@@ -72,6 +72,7 @@ pub(crate) fn router(app: Arc<App>) -> Router {
         .route("/v1/rooms", post(rooms::open))
         .route("/v1/rooms/{room}", get(rooms::status))
         .route("/v1/rooms/{room}/viewers", post(rooms::add_viewer))
+        .route("/v1/packages", get(packages::list))
         .route("/v1/calls", post(calls::open))
         .route("/v1/calls/{call}", get(calls::status))
         .route(

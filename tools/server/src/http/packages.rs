@@ -4,9 +4,10 @@ use super::guard::discard;
 use super::member_uploads::MemberUpload;
 use super::rooms::{refused, viewer_of};
 use super::{App, HttpError};
-use crate::packages::{ByteRange, Conditions, UploadError};
+use crate::packages::{ByteRange, Conditions, Owned, UploadError};
 use crate::rooms::{RoomReply, RoomRequest};
 use crate::token::{Claims, Role, now};
+use axum::Json;
 use axum::body::Body;
 use axum::extract::{Extension, Path, Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
@@ -41,7 +42,10 @@ pub(super) async fn store(
     let declared = declared.and_then(|value| value.to_str().ok()?.parse().ok());
     let mut body = request.into_body().into_data_stream();
     let whole = async {
-        let upload = app.packages.receive(hash, declared, &mut body).await?;
+        let upload = app
+            .packages
+            .receive(claims.owner, hash, declared, &mut body)
+            .await?;
         Ok(upload)
     };
     let received = tokio::time::timeout(app.limits.upload_within, whole)
@@ -217,6 +221,32 @@ pub(super) async fn read(
         }
     }
     Ok(response)
+}
+
+/// An owner's packages.
+#[derive(serde::Serialize)]
+struct PackageList {
+    packages: Vec<Owned>,
+    /// The most of them.
+    most: usize,
+    /// The most bytes of all of them.
+    most_bytes: u64,
+}
+
+pub(super) async fn list(
+    State(app): State<Arc<App>>,
+    Extension(claims): Extension<Claims>,
+) -> Result<Response, HttpError> {
+    if claims.role != Role::Owner {
+        return Err(HttpError::NotFound);
+    }
+    let list = PackageList {
+        packages: in_time(app.packages.owned(claims.owner)).await?,
+        most: app.limits.packages_per_owner,
+        most_bytes: app.limits.bytes_per_owner,
+    };
+    let no_store = [(header::CACHE_CONTROL, HeaderValue::from_static("no-store"))];
+    Ok((no_store, Json(list)).into_response())
 }
 
 pub(super) async fn remove(

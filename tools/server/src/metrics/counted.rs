@@ -29,6 +29,8 @@ pub(crate) struct Metrics {
     pub(crate) rooms: Gauge,
     /// Connections open.
     pub(crate) connections: Gauge,
+    /// Viewers that this instance forwards to; looked up when it is asked for.
+    pub(crate) forwarded_to: Gauge,
     /// Connections closed at once because there were too many.
     pub(crate) connections_refused: Counter,
     /// Viewers given an answer by this instance.
@@ -41,6 +43,8 @@ pub(crate) struct Metrics {
     pub(crate) bytes_down: Counter,
     /// Packages stored.
     pub(crate) packages_stored: Counter,
+    /// Packages read to see whether they are intact.
+    pub(crate) packages_checked: Counter,
 }
 
 impl Metrics {
@@ -49,6 +53,7 @@ impl Metrics {
         let requests = Family::default();
         let uploads_refused = Family::default();
         let (rooms, connections) = (Gauge::default(), Gauge::default());
+        let forwarded_to = Gauge::default();
         let counter = |registry: &mut Registry, name: &str, help: &str| {
             let counter = Counter::default();
             registry.register(name, help, counter.clone());
@@ -70,6 +75,11 @@ impl Metrics {
             rooms.clone(),
         );
         registry.register("connections", "Connections open", connections.clone());
+        registry.register(
+            "viewers_forwarded_to",
+            "Viewers that this server forwards to now",
+            forwarded_to.clone(),
+        );
         let (r, new) = (&mut registry, counter);
         let connections_refused = new(
             r,
@@ -81,18 +91,25 @@ impl Metrics {
         let bytes_up = new(r, "package_bytes_received", "Bytes of packages received");
         let bytes_down = new(r, "package_bytes_sent", "Bytes of packages sent");
         let packages_stored = new(r, "packages_stored", "Packages put into the store");
+        let packages_checked = new(
+            r,
+            "packages_checked",
+            "Packages read to see whether they are intact",
+        );
         Self {
             registry,
             requests,
             uploads_refused,
             rooms,
             connections,
+            forwarded_to,
             connections_refused,
             viewers_joined,
             rate_limited,
             bytes_up,
             bytes_down,
             packages_stored,
+            packages_checked,
         }
     }
 

@@ -29,6 +29,8 @@ pub(crate) enum UploadRefusal {
     DiskFull,
     /// Too many uploads at once.
     Busy,
+    /// Its owner has as much as it may have.
+    Quota,
     /// The spool or the store failed.
     Storage,
 }

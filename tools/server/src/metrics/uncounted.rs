@@ -27,6 +27,7 @@ pub(crate) struct Metrics {
     pub(crate) bytes_up: Uncounted,
     pub(crate) bytes_down: Uncounted,
     pub(crate) packages_stored: Uncounted,
+    pub(crate) packages_checked: Uncounted,
 }
 
 impl Metrics {

@@ -1,14 +1,18 @@
 //! The avatar store: packages by their hash, and records of the owners that put them.
 //!
-//! `packages/HASH` are the bytes, `records/HASH/OWNER` says that this owner put them. An avatar is a person's likeness:
-//! an owner can read it only through a record. The record is written before the bytes and removed before
-//! them, so bytes without a record are always left over from something that died, and are swept at start; a record
+//! `packages/HASH` are the bytes, `records/HASH/OWNER` says that this owner put them, `owned/OWNER/HASH.BYTES` the same for who looks by
+//! owner. An avatar is a person's likeness: an owner can read it only through a record. The record is written before the bytes and removed
+//! before them, so bytes without a record are always left over from something that died, and are swept at start; a record
 //! without bytes is nothing, until its owner puts the package again.
 
+mod locks;
+mod owned;
+mod places;
 mod range;
 mod store;
 mod upload;
 
+pub(crate) use owned::Owned;
 pub(crate) use range::{ByteRange, Conditions};
 pub(crate) use store::{Content, StoreError};
 pub(crate) use upload::UploadError;
@@ -16,28 +20,36 @@ pub(crate) use upload::UploadError;
 use crate::metrics::Metrics;
 use crate::{Config, Id, Limits, ServerError, StoreConfig};
 use link_protocol::PackageId;
+use locks::Locks;
+use owned::Quota;
+use places::{Places, Share};
 use std::collections::HashSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 use store::Store;
-use tokio::sync::{Mutex, Semaphore};
 
 const PACKAGES: &str = "packages";
 const RECORDS: &str = "records";
+
+/// Uploads of one owner that wait to be received.
+const WAITING_PER_OWNER: usize = 32;
 
 /// The store.
 #[derive(Debug)]
 pub(crate) struct Packages {
     store: Store,
     spool: PathBuf,
-    uploads: Arc<Semaphore>,
-    checks: Semaphore,
+    uploads: Places,
+    checks: Places,
     limit: u64,
+    quota: Quota,
     pause: Duration,
     metrics: Arc<Metrics>,
-    /// Locks, one for each 64th of the hashes: held while a package is put or removed, so that these do not interleave.
-    stripes: [Mutex<()>; 64],
+    /// Held while a package of this hash is checked, put or removed, so that these do not interleave.
+    hashes: Locks<PackageId>,
+    /// Held while an owner's quota is looked at and used. Taken after a hash's, never before.
+    owners: Locks<Id>,
 }
 
 impl Packages {
@@ -47,6 +59,8 @@ impl Packages {
             uploads_at_once,
             checks_at_once,
             package_bytes,
+            packages_per_owner,
+            bytes_per_owner,
             pause,
             ..
         } = &config.limits;
@@ -65,12 +79,18 @@ impl Packages {
         Ok(Self {
             store,
             spool,
-            uploads: Arc::new(Semaphore::new((*uploads_at_once).max(1))),
-            checks: Semaphore::new((*checks_at_once).max(1)),
+            uploads: Places::new(*uploads_at_once, Share::AsManyAsAreLeft, WAITING_PER_OWNER),
+            // Each that waits has one of the other places.
+            checks: Places::new(*checks_at_once, Share::All, *uploads_at_once),
             limit: *package_bytes,
+            quota: Quota {
+                packages: *packages_per_owner,
+                bytes: *bytes_per_owner,
+            },
             pause: *pause,
             metrics,
-            stripes: std::array::from_fn(|_| Mutex::default()),
+            hashes: Locks::default(),
+            owners: Locks::default(),
         })
     }
 
@@ -93,11 +113,12 @@ impl Packages {
 
     /// Removes the owner's record, and the bytes if no other owner's record is left. False if there was no record.
     pub(crate) async fn remove(&self, owner: Id, hash: PackageId) -> Result<bool, StoreError> {
-        let _stripe = self.stripe(hash).await;
+        let _lock = self.hashes.lock(hash).await;
         let record = record(hash, owner);
         if self.store.size(&record).await?.is_none() {
             return Ok(false);
         }
+        self.disown(owner, hash).await?;
         self.store.delete(&record).await?;
         self.remove_unowned(hash).await?;
         Ok(true)
@@ -109,14 +130,15 @@ impl Packages {
         self.store.size(&nothing).await.map(drop)
     }
 
-    /// Removes packages without an owner, which an earlier process left when it died.
+    /// Removes packages without an owner, which an earlier process left when it died, and mends what is said of owners. How many it removed.
     pub(crate) async fn sweep(&self) -> Result<usize, StoreError> {
+        self.sweep_owned().await?;
         let kept = self.hashes(PACKAGES).await?;
         // Listed after the packages, so that one put meanwhile has its record here.
         let owned: HashSet<PackageId> = self.hashes(RECORDS).await?.into_iter().collect();
         let mut removed = 0;
         for hash in kept.into_iter().filter(|hash| !owned.contains(hash)) {
-            let _stripe = self.stripe(hash).await;
+            let _lock = self.hashes.lock(hash).await;
             removed += usize::from(self.remove_unowned(hash).await?);
         }
         Ok(removed)
@@ -129,18 +151,13 @@ impl Packages {
         Ok(hashes.filter_map(|hash| hash.parse().ok()).collect())
     }
 
-    /// The hash's stripe is held by the caller.
+    /// The hash's lock is held by the caller.
     async fn remove_unowned(&self, hash: PackageId) -> Result<bool, StoreError> {
         let owners = self.store.names(&format!("{RECORDS}/{hash}")).await?;
         if owners.is_empty() {
             self.store.delete(&package(hash)).await?;
         }
         Ok(owners.is_empty())
-    }
-
-    async fn stripe(&self, hash: PackageId) -> tokio::sync::MutexGuard<'_, ()> {
-        let stripe = usize::from(hash.as_bytes()[0]) % self.stripes.len();
-        self.stripes[stripe].lock().await
     }
 }
 

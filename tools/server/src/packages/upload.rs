@@ -2,7 +2,10 @@
 //!
 //! The spool file has no name (`O_TMPFILE`), so nothing of it is left when the process dies.
 
-use super::{Packages, StoreError, package, record};
+use super::locks::Held;
+use super::owned::OverQuota;
+use super::places::Place;
+use super::{Owned, Packages, StoreError, package, record};
 use crate::Id;
 use crate::metrics::UploadRefusal;
 use bytes::Bytes;
@@ -11,9 +14,12 @@ use link_protocol::PackageId;
 use link_protocol::package_id::PackageHasher;
 use spmm3::{Avatar, PackageError};
 use std::io::{BufReader, ErrorKind, Seek};
-use std::sync::Arc;
+use std::time::Duration;
 use tokio::io::AsyncWriteExt;
-use tokio::sync::{OwnedSemaphorePermit, SemaphorePermit};
+use tokio::time::timeout;
+
+/// How long an upload may wait to be received: well below what its client takes for a broken connection.
+const RECEIVED_WITHIN: Duration = Duration::from_secs(8);
 
 /// Why an upload is refused.
 #[derive(Debug, thiserror::Error)]
@@ -30,8 +36,10 @@ pub(crate) enum UploadError {
     Package(PackageError),
     #[error("the server's disk is full; nothing of the upload was kept")]
     DiskFull,
-    #[error("too many uploads are under way")]
+    #[error("too many uploads of this owner, or of all owners together, are under way")]
     Busy,
+    #[error(transparent)]
+    Quota(OverQuota),
     #[error("the server cannot store it at this moment; nothing of the upload was kept")]
     Spool(#[source] std::io::Error),
     #[error("the server cannot store it at this moment; nothing of the upload was kept")]
@@ -48,6 +56,7 @@ impl UploadError {
             Self::Package(_) => UploadRefusal::Package,
             Self::DiskFull => UploadRefusal::DiskFull,
             Self::Busy => UploadRefusal::Busy,
+            Self::Quota(_) => UploadRefusal::Quota,
             Self::Spool(_) | Self::Store(_) => UploadRefusal::Storage,
         }
     }
@@ -75,13 +84,14 @@ pub(crate) struct Spooled {
     file: std::fs::File,
     bytes: u64,
     hash: PackageId,
-    _place: OwnedSemaphorePermit,
+    _place: Place,
 }
 
 impl Packages {
     /// Receives an upload of `declared` bytes, if the client declared a length.
     pub(crate) async fn receive<E>(
         &self,
+        owner: Id,
         hash: PackageId,
         declared: Option<u64>,
         mut body: impl Stream<Item = Result<Bytes, E>> + Unpin,
@@ -90,14 +100,19 @@ impl Packages {
         if declared.is_some_and(|bytes| bytes > limit) {
             return Err(UploadError::TooLarge { limit });
         }
-        let place = Arc::clone(&self.uploads)
-            .try_acquire_owned()
-            .map_err(|_| UploadError::Busy)?;
+        // Before any of it is received; it is looked at again before it is stored.
+        let expected = Owned {
+            sha256: hash,
+            bytes: declared.unwrap_or(1),
+        };
+        self.within_quota(owner, expected).await?;
+        let place = timeout(RECEIVED_WITHIN, self.uploads.take(owner)).await;
+        let place = place.ok().flatten().ok_or(UploadError::Busy)?;
         let file = tempfile::tempfile_in(&self.spool).map_err(UploadError::spool)?;
         let mut file = tokio::fs::File::from_std(file);
         let mut hasher = PackageHasher::default();
         let mut bytes = 0u64;
-        while let Some(chunk) = tokio::time::timeout(self.pause, body.next())
+        while let Some(chunk) = timeout(self.pause, body.next())
             .await
             .map_err(|_| UploadError::Paused)?
         {
@@ -125,21 +140,30 @@ impl Packages {
 
     /// Checks that an upload is an avatar package, and stores it as the owner's. True if the owner had not put it yet.
     pub(crate) async fn keep(&self, owner: Id, upload: Spooled) -> Result<bool, UploadError> {
-        let place = self.checks.acquire().await.ok();
-        let upload = check(upload, place).await?;
+        let (upload, _lock) = self.checked(owner, upload).await?;
         let hash = upload.hash;
-        let _stripe = self.stripe(hash).await;
         let record = record(hash, owner);
-        let head = self.store.size(&record).await;
-        let known = head.map_err(UploadError::store)?.is_some();
-        if !known {
-            let put = self.store.put_name(&record).await;
+        let known = {
+            let _lock = self.owners.lock(owner).await;
+            let owned = Owned {
+                sha256: hash,
+                bytes: upload.bytes,
+            };
+            self.within_quota(owner, owned).await?;
+            let head = self.store.size(&record).await;
+            let known = head.map_err(UploadError::store)?.is_some();
+            if !known {
+                let put = self.store.put_name(&record).await;
+                put.map_err(UploadError::store)?;
+            }
+            let put = self.store.put_name(&owned.name(owner)).await;
             put.map_err(UploadError::store)?;
-        }
+            known
+        };
         let stored = self.keep_bytes(upload).await;
         if let Err(e) = stored {
             // Unless the owner has it from before, in which case the bytes may be there all the same.
-            if !known && let Err(left) = self.store.delete(&record).await {
+            if !known && let Err(left) = self.forget(owner, hash).await {
                 log::warn!("the record of a package that could not be stored stays: {left}");
             }
             return Err(e);
@@ -150,16 +174,60 @@ impl Packages {
         Ok(!known)
     }
 
+    async fn forget(&self, owner: Id, hash: PackageId) -> Result<(), StoreError> {
+        self.disown(owner, hash).await?;
+        self.store.delete(&record(hash, owner)).await
+    }
+
+    /// The upload, once its bytes are known to be a package, with its hash locked. Bytes that are in the store have been checked, whoever put
+    /// them; of several uploads of the same bytes one is checked, and the others wait for it.
+    async fn checked(
+        &self,
+        owner: Id,
+        upload: Spooled,
+    ) -> Result<(Spooled, Held<'_, PackageId>), UploadError> {
+        // Without a place: whoever checks the same bytes now is waited for.
+        let lock = self.hashes.lock(upload.hash).await;
+        if self.has_bytes(&upload).await? {
+            return Ok((upload, lock));
+        }
+        // Who has a lock never waits for a place.
+        drop(lock);
+        let place = self.checks.take(owner).await.ok_or(UploadError::Busy)?;
+        let lock = self.hashes.lock(upload.hash).await;
+        if self.has_bytes(&upload).await? {
+            return Ok((upload, lock));
+        }
+        self.metrics.packages_checked.inc();
+        let upload = check(upload, place).await?;
+        Ok((upload, lock))
+    }
+
+    async fn within_quota(&self, owner: Id, new: Owned) -> Result<(), UploadError> {
+        match self.over_quota(owner, new).await {
+            Ok(None) => Ok(()),
+            Ok(Some(over)) => Err(UploadError::Quota(over)),
+            Err(error) => Err(UploadError::store(error)),
+        }
+    }
+
+    async fn has_bytes(&self, upload: &Spooled) -> Result<bool, UploadError> {
+        let size = self.store.size(&package(upload.hash)).await;
+        Ok(size.map_err(UploadError::store)? == Some(upload.bytes))
+    }
+
     async fn keep_bytes(&self, upload: Spooled) -> Result<(), UploadError> {
-        let to = package(upload.hash);
-        let size = self.store.size(&to).await.map_err(UploadError::store)?;
-        if size == Some(upload.bytes) {
+        if self.has_bytes(&upload).await? {
             return Ok(());
         }
-        let put = self.store.put(&to, upload.file).await;
+        let Spooled {
+            file, bytes, hash, ..
+        } = upload;
+        let to = package(hash);
+        let put = self.store.put(&to, file).await;
         put.map_err(UploadError::store)?;
         let size = self.store.size(&to).await.map_err(UploadError::store)?;
-        if size == Some(upload.bytes) {
+        if size == Some(bytes) {
             Ok(())
         } else {
             // Another instance removed it, for its last owner there, in just this moment.
@@ -171,17 +239,14 @@ impl Packages {
 
 /// Reads the package as a receiver would. It takes memory in proportion to the package, so `place` bounds how many are
 /// checked at once.
-async fn check(
-    mut upload: Spooled,
-    place: Option<SemaphorePermit<'_>>,
-) -> Result<Spooled, UploadError> {
+async fn check(mut upload: Spooled, place: Place) -> Result<Spooled, UploadError> {
     let checked = tokio::task::spawn_blocking(move || {
+        let _place = place;
         upload.file.rewind().map_err(UploadError::spool)?;
         Avatar::read(BufReader::new(&upload.file)).map_err(UploadError::Package)?;
         Ok(upload)
     })
     .await;
-    drop(place);
     checked.unwrap_or_else(|e| Err(UploadError::Spool(std::io::Error::other(e))))
 }
 

@@ -48,6 +48,7 @@ async fn without_a_genuine_unexpired_token_every_route_answers_the_same_whether_
     let mut routes = vec![
         (Method::POST, "/v1/rooms".to_owned()),
         (Method::PATCH, "/v1/rooms".to_owned()),
+        (Method::GET, "/v1/packages".to_owned()),
         (Method::GET, "/".to_owned()),
         (Method::GET, "/v2/anything".to_owned()),
         (Method::GET, "/healthz/".to_owned()),

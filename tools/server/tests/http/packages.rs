@@ -155,8 +155,8 @@ async fn two_owners_of_the_same_bytes_cannot_learn_of_each_other() -> Outcome {
     );
     assert_eq!(
         server.files()?.len(),
-        3,
-        "one copy and two records: {:?}",
+        5,
+        "one copy, and two names for each owner: {:?}",
         server.files()?
     );
     assert_eq!(

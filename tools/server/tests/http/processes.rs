@@ -5,8 +5,11 @@ use crate::support::{Outcome, PATIENCE, Package, files_below, package};
 use futures_util::StreamExt;
 use reqwest::{Method, StatusCode};
 use sha2::{Digest, Sha256};
+use spmm3::PARAMS;
+use spmm3::networks::{Dense, MAX_NUMBERS};
 use std::path::Path;
 use std::time::Duration;
+use synthetic_person::{Puppet, PuppetSize};
 use tokio::io::AsyncWriteExt;
 use tokio::net::TcpStream;
 
@@ -174,6 +177,57 @@ async fn two_hundred_downloads_at_once_are_whole_and_take_bounded_memory() -> Ou
         .metric("mon3tr_package_bytes_sent_total ")
         .await?;
     assert_eq!(sent, DOWNLOADS as u64 * 20_000_000, "counted");
+    Ok(())
+}
+
+/// A small file whose check takes much memory: a graph of as many numbers as there may be, all alike.
+fn most_numbers() -> Outcome<Package> {
+    const HIDDEN: usize = 600_000;
+    let mut puppet = Puppet::small();
+    let network = &mut puppet.attributes;
+    let bases = PuppetSize::SMALL.bases;
+    let weights = vec![0.0; PARAMS * HIDDEN];
+    network.first = Dense::new(PARAMS, HIDDEN, &weights, vec![0.0; HIDDEN])?;
+    drop(weights);
+    let same = *network.second.first().ok_or("no weights")?;
+    network.second = vec![same; HIDDEN * bases];
+    let numbers = HIDDEN * (PARAMS + bases);
+    assert!(numbers > MAX_NUMBERS * 98 / 100, "nearly the most");
+    Ok(Package::of(puppet.avatar().to_bytes()?))
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_check_takes_no_more_memory_than_an_operator_is_told() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let orders = orders(folder.path());
+    let server = ServerProcess::start(&orders).await?;
+    let owner = server.caller.owner("ada");
+    let put = server.caller.put_package(package(), &owner).await?;
+    assert_eq!(put.status(), StatusCode::CREATED, "a small one");
+    let Some(before) = server.peak_memory()? else {
+        println!("skipped: this system does not tell a process's memory in /proc");
+        assert_ne!(
+            std::env::var("CI").as_deref(),
+            Ok("true"),
+            "CI must measure it"
+        );
+        return Ok(());
+    };
+    let package = tokio::task::spawn_blocking(most_numbers).await??;
+    let put = server.caller.put_package(&package, &owner).await?;
+    assert_eq!(put.status(), StatusCode::CREATED, "an intact package");
+    let grown = (server.peak_memory()?.unwrap_or(u64::MAX)).saturating_sub(before);
+    println!(
+        "the check of a package of {} KiB took {} MiB",
+        package.bytes.len() >> 10,
+        grown >> 20
+    );
+    // docs/operating.md says 1 GiB.
+    assert!(
+        (256 << 20..1 << 30).contains(&grown),
+        "it took {} MiB",
+        grown >> 20
+    );
     Ok(())
 }
 

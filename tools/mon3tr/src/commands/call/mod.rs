@@ -11,10 +11,11 @@ use crate::report::{check_writable, write_json};
 use crate::stills::load_others_avatar;
 use crate::viewpoint::Viewpoint;
 use anyhow::{Context, anyhow};
+use app_session::SetAtEnd;
 use app_session::call::CallWatch;
 use app_session::own_motion::OwnMotion;
 use app_session::participant::{NetworkContext, Origin, Participant};
-use call_member::{Acquaintances, Members, Roster, RosterFigures, SetAtEnd};
+use call_member::{Acquaintances, Members, Roster, RosterFigures};
 use link_protocol::limits::MAX_PEOPLE;
 use link_protocol::{Announcement, CallLink, PersonName, RoomLink};
 use link_voice::VoiceQueue;
@@ -94,6 +95,9 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let line = Line::open(&options.trust)?;
     // Not by the command line's own parser, which repeats what it refuses: it has a token.
     let given: Option<CallLink> = options.link.as_deref().map(str::parse).transpose()?;
+    if let Some(link) = &given {
+        network::warn_if_unproved(link.has_secret(), link.key().is_some());
+    }
     // A window's events come to this thread only.
     let mut screen = receive::Screen::open(&show, device)?;
     let own = OwnMotion::default();

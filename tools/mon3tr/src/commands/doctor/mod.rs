@@ -2,9 +2,9 @@
 
 mod machine;
 
-use crate::commands::send::HostOptions;
 use crate::device_options::DeviceOptions;
-use crate::network::{Line, Trust};
+use crate::network::{Line, Trust, warn_if_unproved};
+use crate::owner_token::OwnerToken;
 use crate::report::{check_writable, write_json};
 use anyhow::Context;
 use link_call::reach::{Between, Reach};
@@ -24,14 +24,8 @@ pub struct Options {
     /// The same of a server, on which a call is opened to ask
     #[arg(long, value_name = "URL")]
     server: Option<ServerUrl>,
-    /// The owner's token: what is in the file that `serve` names [default: that of a server on this machine]
-    #[arg(
-        long,
-        value_name = "TOKEN",
-        env = "MON3TR_OWNER_TOKEN",
-        hide_env_values = true
-    )]
-    owner_token: Option<String>,
+    #[command(flatten)]
+    token: OwnerToken,
     /// Ask this STUN server, too: two of them tell what kind of NAT is in between
     #[arg(long, value_name = "HOST[:PORT]", value_parser = parse_stun)]
     stun: Vec<IceUrl>,
@@ -94,12 +88,13 @@ impl Options {
 
     fn link(&self, line: &Line) -> anyhow::Result<CallLink> {
         if let Some(link) = &self.link {
-            return Ok(link.parse()?);
+            let link: CallLink = link.parse()?;
+            warn_if_unproved(link.has_secret(), link.key().is_some());
+            return Ok(link);
         }
-        let server = self.server.clone().context("no server")?;
-        let host = HostOptions::new(server, self.owner_token.clone());
-        let token = host.owner_token()?;
-        let opened = line.client.open_call(host.server(), &token, None);
+        let server = self.server.as_ref().context("no server")?;
+        let token = self.token.of(server)?;
+        let opened = line.client.open_call(server, &token, None);
         line.network
             .block_on(opened)
             .context("the server cannot be asked")

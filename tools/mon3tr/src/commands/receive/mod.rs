@@ -157,6 +157,7 @@ fn show(
 ) -> anyhow::Result<(Option<Report>, anyhow::Result<()>)> {
     for room in &options.rooms {
         line.check_protection(room.server())?;
+        network::warn_if_unproved(room.secret().is_some(), room.key().is_some());
     }
     let context = NetworkContext {
         network: line.network.handle(),

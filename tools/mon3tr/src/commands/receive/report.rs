@@ -19,6 +19,9 @@ use std::path::PathBuf;
 /// What a viewer reads whose sender has another avatar now.
 const CAME_BACK: &str = "the sender has come back with another avatar: join again to see it";
 
+/// What a viewer reads who was never let in.
+const NEVER_JOINED: &str = "it never began";
+
 /// Everything `receive` prints.
 #[derive(Debug, Serialize)]
 pub(crate) struct Report {
@@ -131,7 +134,13 @@ impl Report {
             match end {
                 Some(CallEnd::Failed(error)) => failed.push((number, error.into())),
                 Some(CallEnd::AnotherAvatar(_)) => failed.push((number, anyhow!(CAME_BACK))),
-                Some(CallEnd::HungUp) | None => {}
+                Some(CallEnd::HungUp) => {}
+                // This side left before it was let in.
+                None => {
+                    let why = figures.received.not_joined.as_ref();
+                    let why = why.filter(|_| figures.received.sessions == 0);
+                    failed.extend(why.map(|why| (number, anyhow!("{NEVER_JOINED}: {why}"))));
+                }
             }
             told.push((person.clone(), figures, ended.measured, ended.left_out));
         }
@@ -192,11 +201,12 @@ impl Report {
             let path = call.received.path.as_ref();
             let path = path.map_or_else(String::new, |path| format!("; {path}"));
             println!(
-                "{}: {:.1} s, {} motions taken, {} lost{ear}{path}",
+                "{}: {:.1} s, {} motions taken, {} lost, {:.1} s without motion{ear}{path}",
                 name.as_deref().unwrap_or("someone"),
                 call.live_seconds,
                 call.released,
                 call.lost,
+                call.seconds_without_motion,
             );
         }
     }
@@ -215,7 +225,7 @@ impl Report {
             }
         );
         println!(
-            "call     {:.1} s of {} on the {} channel at {} Hz: {} frames taken, {} lost, {} late, {:.1} kbit/s of payload",
+            "call     {:.1} s of {} on the {} channel at {} Hz: {} frames taken, {} lost, {} late, {:.1} s without motion, {:.1} kbit/s of payload",
             call.live_seconds,
             call.announced.codec,
             call.announced.channel,
@@ -223,6 +233,7 @@ impl Report {
             call.released,
             call.lost,
             call.late,
+            call.seconds_without_motion,
             call.payload_kbit_s
         );
         if let Some(voice) = &call.voice {
@@ -300,8 +311,13 @@ impl Report {
         } in &self.others
         {
             println!(
-                "\nalso     {}: {} Gaussians; {:.1} s, {} frames taken, {} lost",
-                avatar.name, avatar.gaussians, call.live_seconds, call.released, call.lost
+                "\nalso     {}: {} Gaussians; {:.1} s, {} frames taken, {} lost, {:.1} s without motion",
+                avatar.name,
+                avatar.gaussians,
+                call.live_seconds,
+                call.released,
+                call.lost,
+                call.seconds_without_motion
             );
             if let Some(shown) = shown {
                 print_measured(shown);

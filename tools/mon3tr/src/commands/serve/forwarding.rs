@@ -49,6 +49,10 @@ impl Forwarding for Forwarder {
     fn leave(&self, session: &Name) {
         self.halls.leave(session);
     }
+
+    fn viewers(&self) -> usize {
+        self.halls.viewers()
+    }
 }
 
 /// A room of this server's, without going through HTTP.

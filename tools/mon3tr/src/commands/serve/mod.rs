@@ -6,15 +6,16 @@ mod owners;
 #[cfg(feature = "operator")]
 mod operator;
 
-use crate::device_options::{cache, make_folder};
+use crate::device_options::make_folder;
 use crate::network::{Network, asked_to_end};
+use crate::owner_token::server_folder;
 use anyhow::Context;
 use forwarding::Forwarder;
 use link_protocol::ice::IceUrl;
 use server::{Config, Secret, Server, StoreConfig, TurnConfig, own_address};
 use std::io::Write;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Options of `serve`.
@@ -58,18 +59,6 @@ pub struct Options {
     tokens: owners::TokenOptions,
 }
 
-/// Where the operator's token is kept, below the data folder; `send` on the same machine finds it there.
-pub(crate) fn owner_token_file(data: Option<&Path>) -> anyhow::Result<PathBuf> {
-    Ok(folder(data)?.join("owner-token"))
-}
-
-fn folder(data: Option<&Path>) -> anyhow::Result<PathBuf> {
-    match data {
-        Some(folder) => Ok(folder.to_path_buf()),
-        None => Ok(cache()?.join("server")),
-    }
-}
-
 /// Everything that the server writes is for its own user alone: avatars are people's likenesses.
 fn keep_to_oneself() {
     #[cfg(unix)]
@@ -99,7 +88,7 @@ fn raise_open_files() {
 pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     keep_to_oneself();
     raise_open_files();
-    let folder = folder(options.data.as_deref())?;
+    let folder = server_folder(options.data.as_deref())?;
     make_folder(&folder)?;
     let secret = Secret::load_or_create(&folder.join("secret"))?;
     let owners = owners::Owners::new(folder.clone(), secret.clone());

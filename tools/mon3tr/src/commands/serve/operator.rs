@@ -85,10 +85,60 @@ mod tests {
     }
 
     #[test]
-    fn a_limit_that_is_none_is_named() {
-        let wrong = toml::from_str::<Limits>("rooms = 5\nroom = 6\n").expect_err("unknown");
-        assert!(wrong.to_string().contains("`room`"), "{wrong}");
-        let wrong = toml::from_str::<Limits>("pause = -1\n").expect_err("no time");
-        assert!(wrong.to_string().contains("-1"), "{wrong}");
+    fn a_limit_that_would_serve_nobody_or_is_none_is_refused_in_words() {
+        let whole = |from: u64, to: u64| format!("expected a whole number from {from} to {to}");
+        let time = |from: f64, to: u64| format!("expected a number of seconds from {from} to {to}");
+        let most = link_protocol::limits::MAX_PACKAGE_BYTES;
+        for (line, value, expected) in [
+            ("package_bytes = 0", "`0`", whole(1, most)),
+            ("uploads_at_once = 0", "`0`", whole(1, 1024)),
+            ("checks_at_once = 0", "`0`", whole(1, 64)),
+            ("packages_per_owner = 0", "`0`", whole(1, 10_000)),
+            ("bytes_per_owner = 0", "`0`", whole(1, 1 << 50)),
+            ("requests_per_second = -1", "`-1`", whole(0, 1_000_000)),
+            ("request_burst = 0", "`0`", whole(1, 1_000_000)),
+            ("connections = 0", "`0`", whole(1, 1_000_000)),
+            ("connections_per_address = 0", "`0`", whole(1, 1_000_000)),
+            ("rooms = 0", "`0`", whole(1, 1_000_000)),
+            ("rooms = 1000001", "`1000001`", whole(1, 1_000_000)),
+            ("rooms = \"5\"", "\"5\"", whole(1, 1_000_000)),
+            ("rooms = 1.5", "`1.5`", whole(1, 1_000_000)),
+            ("rooms_per_owner = 0", "`0`", whole(1, 1_000_000)),
+            ("waiting_per_room = 0", "`0`", whole(1, 1024)),
+            ("sdp_bytes = 0", "`0`", whole(1024, 1 << 20)),
+            ("room_lifetime = 0.5", "`0.5`", time(60.0, 315_360_000)),
+            ("answer_within = 0", "`0`", time(0.1, 60)),
+            ("head_within = 0.0", "`0.0`", time(0.1, 600)),
+            ("request_within = 0", "`0`", time(0.1, 600)),
+            ("pause = -1", "`-1`", time(0.1, 600)),
+            ("pause = nan", "`NaN`", time(0.1, 600)),
+            ("pause = \"a while\"", "\"a while\"", time(0.1, 600)),
+            ("upload_within = 0", "`0`", time(1.0, 86_400)),
+            ("behind_proxy = 1", "`1`", "expected a boolean".to_owned()),
+            ("spool = 1", "`1`", "expected path string".to_owned()),
+            (
+                "room = 6",
+                "`room`",
+                "expected one of `package_bytes`".to_owned(),
+            ),
+        ] {
+            let text = format!("# mine\n{line}\n");
+            let wrong = toml::from_str::<Limits>(&text).expect_err(line).to_string();
+            for part in ["line 2", line, value, &expected] {
+                assert!(wrong.contains(part), "{line}: no {part} in: {wrong}");
+            }
+            for rust in ["usize", "u32", "u64", "f64"] {
+                assert!(!wrong.contains(rust), "{line}: {rust} in: {wrong}");
+            }
+        }
+    }
+
+    #[test]
+    fn limits_at_the_ends_of_their_ranges_are_taken() {
+        let text = "requests_per_second = 0\nrooms = 1\npause = 0.1\nupload_within = 86400\n";
+        let limits: Limits = toml::from_str(text).expect("limits");
+        assert_eq!((limits.requests_per_second, limits.rooms), (0, 1));
+        assert_eq!(limits.pause.as_millis(), 100);
+        assert_eq!(limits.upload_within.as_secs(), 86_400);
     }
 }

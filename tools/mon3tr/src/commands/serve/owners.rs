@@ -1,5 +1,6 @@
 //! Tokens of those who open rooms: made for a time, renewed before it is over, and taken back one by one.
 
+use crate::owner_token::OWNER_TOKEN;
 use anyhow::Context;
 use server::{Id, Secret, now};
 use std::convert::Infallible;
@@ -70,7 +71,7 @@ impl Owners {
 
     /// Where the operator's own token is.
     pub(super) fn token_file(&self) -> PathBuf {
-        self.folder.join("owner-token")
+        self.folder.join(OWNER_TOKEN)
     }
 
     /// Where the names of tokens are that were taken back.
