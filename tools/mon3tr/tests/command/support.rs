@@ -39,6 +39,7 @@ impl Outcome {
     }
 
     /// All that it told.
+    #[allow(dead_code, reason = "shared with the tests of calls")]
     pub(crate) fn told(&self) -> String {
         format!("{}{}", self.stdout, self.stderr)
     }
