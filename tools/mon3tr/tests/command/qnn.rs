@@ -1,6 +1,7 @@
 //! `mon3tr bake --qnn`: a package with its deform graph compiled for the Quest 3's NPU.
 
 use crate::support::{Outcome, command, json, mon3tr, puppet, text};
+use identity::Identity;
 use npu_runtime::{QNN_VARIABLE, QnnTarget};
 use spmm3::Avatar;
 use test_support::onnx::{runtime, runtime_with_qnn};
@@ -128,7 +129,12 @@ fn a_strangers_compiled_graph_is_used_from_when_their_key_is_trusted_until_it_is
         as_me(&profile).succeeds();
         json(&figures)["placement"]["graph"].clone()
     };
-    as_me(&["keys"]).succeeds();
+    // A profile drives the avatar too, which another list is for.
+    let mine = Identity::open(&path("me")).expect("a key").public();
+    let allow = ["keys", "allow", &mine.to_string()];
+    let permit = Outcome::of(command(&allow).env("MON3TR_KEY", &stranger)).succeeds();
+    let permit = permit.split_once("keys accept ").expect("a permit").1;
+    as_me(&["keys", "accept", permit.trim()]).succeeds();
     assert_eq!(used(), "compiled", "a stranger's is compiled here");
     as_me(&["keys", "trust", &key]).succeeds();
     assert!(as_me(&["keys"]).succeeds().contains(&key), "it is listed");
