@@ -38,11 +38,6 @@ impl Outcome {
         }
     }
 
-    /// All that it told.
-    pub(crate) fn told(&self) -> String {
-        format!("{}{}", self.stdout, self.stderr)
-    }
-
     /// Standard output of a run that must have ended well.
     pub(crate) fn succeeds(self) -> String {
         assert!(self.ok, "the command failed:\n{}", self.stderr);
