@@ -169,6 +169,7 @@ fn watch(
     let mut kill = restarts.next();
     let mut back = None;
     let mut looks_since = AGAIN;
+    let mut failed = false;
     while begun.elapsed() < schedule.length {
         if stop.load(Relaxed) {
             bail!(
@@ -190,9 +191,12 @@ fn watch(
         }
         if now >= next {
             let sample = call.look(now)?;
-            writeln!(csv, "{}", sample.line())
-                .and_then(|()| csv.flush())
-                .with_context(cannot)?;
+            // A disk that fills up in the call's last minute takes nothing from the table.
+            let written = writeln!(csv, "{}", sample.line()).and_then(|()| csv.flush());
+            if let (Err(error), false) = (written, failed) {
+                log::warn!("{}: not all samples are kept: {error}", file.display());
+                failed = true;
+            }
             looks_since += u32::from(sample.runtime && sample.shown.is_some());
             samples.push(sample);
             next += EVERY;

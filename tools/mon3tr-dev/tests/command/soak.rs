@@ -34,9 +34,7 @@ fn a_call_is_looked_at_from_outside_while_its_runtime_is_killed_twice() {
     let outcome = mon3tr(&[&call[..], &["--out", text(&out)]].concat());
 
     // Whether so short a call stays as it was is chance, what is told of it is not.
-    let report = out.join("soak.json");
-    assert!(report.exists(), "no report: {}", outcome.told());
-    let rows = json(&report)["rows"].as_array().cloned();
+    let rows = json(&out.join("soak.json"))["rows"].as_array().cloned();
     let rows = rows.expect("a list of rows");
     let failing = rows.iter().filter(|row| row["good"] == false).count();
     if failing == 0 {

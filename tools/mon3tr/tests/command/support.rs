@@ -38,12 +38,6 @@ impl Outcome {
         }
     }
 
-    /// All that it told.
-    #[allow(dead_code, reason = "shared with the tests of calls")]
-    pub(crate) fn told(&self) -> String {
-        format!("{}{}", self.stdout, self.stderr)
-    }
-
     /// Standard output of a run that must have ended well.
     pub(crate) fn succeeds(self) -> String {
         assert!(self.ok, "the command failed:\n{}", self.stderr);
