@@ -4,11 +4,13 @@
 //! the frame: the coarse position follows the mesh, and the network's residuals (F_attr) refine it within the frame, so
 //! that a learned wrinkle turns with the arm it is on.
 
-use crate::cost::held_log_scale;
 use crate::{ATTRIBUTES, GaussianSet, PersonError, Template, attribute};
 use glam::{Mat3, Quat, Vec3};
 use half::f16;
 use rayon::prelude::*;
+
+/// The largest standard deviation of a person's Gaussian, metres: half of one covers a torso. The demo person's largest has 21 mm.
+pub const MOST_SCALE: f32 = 0.5;
 
 /// Gaussians handled by one task: large enough to hide the hand-over, small enough to balance two cores.
 const CHUNK: usize = 1024;
@@ -304,4 +306,9 @@ pub fn triangle_frame([a, b, c]: [Vec3; 3]) -> Mat3 {
         .try_normalize()
         .unwrap_or_else(|| x.any_orthonormal_vector());
     Mat3::from_cols(x, normal.cross(x), normal)
+}
+
+/// A log-scale as a package keeps it: that of a builder's floater is held at the largest there may be.
+fn held_log_scale(log_scale: f32) -> f32 {
+    log_scale.min(MOST_SCALE.ln())
 }

@@ -3,10 +3,7 @@
 //! A file of kilobytes can hold Gaussians of metres, each of which covers a whole picture. What residuals of the networks add is bounded where it is drawn
 //! (`app/kernels/src/interpolate.rs`), and what a picture really costs is counted there too (`xr-renderer/splat/src/cost.rs`).
 
-use crate::{BoundGaussians, attribute};
-
-/// The largest standard deviation of a person's Gaussian, metres: half of one covers a torso. The demo person's largest has 21 mm.
-pub const MOST_SCALE: f32 = 0.5;
+use crate::{BoundGaussians, MOST_SCALE, attribute};
 
 /// The most screen tiles that a person's Gaussians cover, seen as [`BoundGaussians::tiles`] says. The demo person's 40,079 cover 0.45 million.
 pub const MOST_TILES: u64 = 1 << 23;
@@ -106,11 +103,6 @@ impl BoundGaussians {
             .copied()
             .unwrap_or_default()
     }
-}
-
-/// A log-scale as a package keeps it: that of a builder's floater is held at the largest there may be.
-pub(crate) fn held_log_scale(log_scale: f32) -> f32 {
-    log_scale.min(MOST_SCALE.ln())
 }
 
 #[cfg(test)]

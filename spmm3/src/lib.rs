@@ -46,14 +46,14 @@ mod skeleton;
 mod template;
 
 pub use basis::ExpressionBasis;
-pub use binding::{BoundGaussians, PlanarVertices, triangle_frame};
+pub use binding::{BoundGaussians, MOST_SCALE, PlanarVertices, triangle_frame};
 pub use clip::{
     LEGS, LOOP_SECONDS, LoadOptions, MotionClip, MotionError, Npz, NpzArray, NpzWriter, Playback,
     at_ease, bend_leg, fit_expression,
 };
 pub use closest::shares_of_closest;
 pub use controllers::{Controllers, NEIGHBOURS};
-pub use cost::{CostError, MOST_SCALE, MOST_TILES};
+pub use cost::{CostError, MOST_TILES};
 pub use error::PersonError;
 pub use expression::{ExpressionPreset, Expressions};
 pub use gaussians::{ATTRIBUTES, GaussianSet, SH_C0, attribute};

@@ -4,14 +4,13 @@
 //! A sender says so for one room, one avatar and one viewer's offer; so what one viewer got is of no use towards another. Lines that a program does not
 //! know are passed over (RFC 8866, section 5.13).
 
-use crate::door::Visitor;
-use crate::{CallError, guests};
+use crate::visitor::Visitor;
+use crate::{CallError, guests, now};
 use data_encoding::BASE64URL_NOPAD;
-use identity::{Identity, IdentityError, Keyring, Permit, PublicKey, Purpose, Signature};
+use identity::{Identity, IdentityError, Keyring, Permit, PublicKey, Purpose};
 use link_http::Client;
-use link_protocol::{LinkSecret, Name, PackageId, Refusal, RoomLink};
+use link_protocol::{Guest, GuestPass, LinkSecret, Name, PackageId, Refusal, RoomLink};
 use ring::hmac;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 /// How the lines begin: the MAC; `KEY SIGNATURE`; and a permit as its text has it.
 const LINK_LINE: &str = "a=mon3tr-link:";
@@ -78,9 +77,10 @@ impl Credentials {
         self.identity.public()
     }
 
-    /// Signs `text`.
-    pub(crate) fn sign(&self, purpose: Purpose, text: &str) -> Signature {
-        self.identity.sign(purpose, text.as_bytes())
+    /// What the link of `guest` to a room of this sender has of them.
+    #[must_use]
+    pub fn pass(&self, room: &Name, guest: Guest) -> GuestPass {
+        guests::pass(&self.identity, room, guest)
     }
 
     /// The lines of this key.
@@ -275,9 +275,10 @@ fn check_viewer(
     let text = of_viewer(room.room(), offer)?;
     check_link(room, Purpose::Viewer, &text, offer)?;
     let viewer = Introduced::read(offer, Purpose::Viewer, &text)?;
+    let own = own.map(|own| &own.identity);
     Ok(Visitor {
         key: viewer.map(|viewer| viewer.key),
-        guest: guests::read(own, room, &text, offer)?,
+        guest: guests::read(own, room, &text, only(offer, guests::LINE)?)?,
     })
 }
 
@@ -353,12 +354,6 @@ pub(crate) fn only<'a>(sdp: &'a str, head: &str) -> Result<Option<&'a str>, Call
         return Err(IdentityError::Malformed("an introduction: there are two").into());
     }
     Ok(line)
-}
-
-/// Seconds since 1970. A clock before that lets no permit expire, which the owner's signature outlives.
-pub(crate) fn now() -> u64 {
-    let now = SystemTime::now().duration_since(UNIX_EPOCH);
-    now.map_or(0, |now| now.as_secs())
 }
 
 #[cfg(test)]

@@ -61,6 +61,7 @@ mod signaling;
 mod telling;
 mod tunnel;
 pub mod viewer;
+mod visitor;
 mod voice_track;
 
 pub use door::Door;
@@ -73,11 +74,12 @@ pub use seats::Venue;
 pub use sender::Sender;
 pub use signaling::Signaling;
 pub use viewer::{CallEvent, Viewer};
+pub use visitor::{Visitor, Who};
 
 use link_http::Client;
 use link_protocol::data_channel::Message;
 use peer::{Peer, PeerEvent, SendOutcome};
-use std::time::Duration;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tokio::sync::watch;
 
 /// How often a bye is sent until it is answered, and how far apart: in all as long as SCTP takes to retransmit a lost message.
@@ -163,4 +165,10 @@ impl Default for Backoff {
 /// A random number from 0 to 1.
 fn random_share() -> f64 {
     f64::from(getrandom::u32().unwrap_or(u32::MAX / 2)) / f64::from(u32::MAX)
+}
+
+/// Seconds since 1970. A clock before that lets no permit expire, which the owner's signature outlives.
+pub(crate) fn now() -> u64 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH);
+    now.map_or(0, |now| now.as_secs())
 }

@@ -71,7 +71,7 @@ impl Sealer {
     /// The lines by which viewers find the key and see who seals. They hold for some minutes, and for what is sealed after them.
     pub(crate) fn lines(&self, own: Option<&Credentials>) -> String {
         let (messages, packets) = (self.messages, self.packets);
-        let seal = format!("{} {} {messages} {packets}", self.salt, introduction::now());
+        let seal = format!("{} {} {messages} {packets}", self.salt, crate::now());
         let text = of_seal(&self.room, self.avatar, &seal);
         let lines = introduction::lines(own, &self.room, Purpose::Seal, &text);
         format!("{SEAL_LINE}{seal}\r\n{lines}")
@@ -143,7 +143,7 @@ impl Terms {
         let text = of_seal(room, avatar, seal);
         let sender = authentication.check_sender(room, Purpose::Seal, &text, lines)?;
         let (salt, time, messages, packets) = parts(seal).ok_or(CallError::NoLink)?;
-        let apart = introduction::now().abs_diff(time);
+        let apart = crate::now().abs_diff(time);
         if apart > CLOCKS_APART {
             return Err(CallError::OldSeal { apart });
         }
@@ -232,7 +232,7 @@ impl Opener {
 
     fn open(&self, nonce: Nonce, aad: &[u8], sealed: &[u8]) -> Option<Vec<u8>> {
         // What was held back is of no use either.
-        if introduction::now().abs_diff(self.time) > CLOCKS_APART {
+        if crate::now().abs_diff(self.time) > CLOCKS_APART {
             return None;
         }
         let mut bytes = sealed.to_vec();
@@ -439,17 +439,13 @@ mod tests {
         let unsigned = check(&sealer.lines(None), 1, None);
         assert!(matches!(unsigned, Err(CallError::NoKey)), "{unsigned:?}");
         // What was recorded long ago, and the same with another time.
-        let recorded = introduction::now() - CLOCKS_APART - 5;
+        let recorded = crate::now() - CLOCKS_APART - 5;
         let seal = format!("{} {recorded} 0 0", sealer.salt);
         let text = of_seal(&sealer.room, sealer.avatar, &seal);
         let shown = introduction::lines(Some(&owner), &sealer.room, Purpose::Seal, &text);
         let old = check(&format!("{SEAL_LINE}{seal}\r\n{shown}"), 1, None);
         assert!(matches!(old, Err(CallError::OldSeal { .. })), "{old:?}");
-        let renewed = format!(
-            "{SEAL_LINE}{} {}\r\n{shown}",
-            sealer.salt,
-            introduction::now()
-        );
+        let renewed = format!("{SEAL_LINE}{} {}\r\n{shown}", sealer.salt, crate::now());
         let renewed = check(&renewed, 1, None);
         assert!(matches!(renewed, Err(CallError::NoLink)), "{renewed:?}");
     }

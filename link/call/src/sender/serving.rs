@@ -2,12 +2,13 @@
 
 use super::watching::Forwards;
 use super::{MAX_VIEWERS, Shared};
-use crate::door::{Stay, Visitor};
+use crate::door::Stay;
 use crate::introduction;
 use crate::path::Path;
 use crate::peer::{Peer, PeerEvent, SendOutcome};
 use crate::seal::Sealer;
 use crate::telling::{Repeated, Telling};
+use crate::visitor::Visitor;
 use crate::{CallError, answer_bye, is_set, send_bye};
 use link_codec::{Encoder, Micros, MotionFrame};
 use link_protocol::data_channel::{Message, Pong, State};
@@ -94,7 +95,7 @@ impl Shared {
         }
         let own = self.credentials.as_ref();
         let visitor = introduction::admit_viewer(&self.client, own, room, name, &offer.sdp).await?;
-        if let Err(refusal) = self.door.knock(&visitor, introduction::now()) {
+        if let Err(refusal) = self.door.knock(&visitor, crate::now()) {
             return self.refuse(room, name, refusal).await;
         }
         // What is handed over is seen and heard whole.

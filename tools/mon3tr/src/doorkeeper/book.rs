@@ -3,7 +3,8 @@
 use crate::keys;
 use anyhow::{Context, bail};
 use identity::LineFile;
-use link_call::door::{DoorRules, Who};
+use link_call::Who;
+use link_call::door::DoorRules;
 use link_protocol::Name;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
