@@ -2,7 +2,7 @@
 
 use crate::visitor::{Visitor, Who};
 use crate::{is_set, now};
-use link_protocol::{Guest, Name, Refusal, Rights};
+use link_protocol::{Guest, Name, Refusal};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -459,6 +459,7 @@ fn keep<T: PartialEq>(kept: &mut Vec<T>, one: T) {
 mod tests {
     use super::*;
     use identity::Identity;
+    use link_protocol::Rights;
 
     fn keyed(seed: u8) -> Visitor {
         let identity = Identity::from_seed(&[seed; 32]).expect("a key");
