@@ -84,7 +84,9 @@ struct Inner {
 #[derive(Debug, Default)]
 struct State {
     rules: DoorRules,
+    /// The last number that was given, and to whom.
     numbers: u32,
+    numbered: Vec<(Who, u32)>,
     waiting: Vec<Waiting>,
     inside: Vec<Inside>,
     handed_over: VecDeque<HandedOver>,
@@ -396,18 +398,18 @@ impl State {
         all.collect()
     }
 
-    /// The number of a visitor who is seen already, or a new one.
+    /// The number of a visitor who was seen already, or a new one.
     fn number_of(&mut self, visitor: &Visitor) -> u32 {
         let who = visitor.who();
-        let mut seen = self.seen().into_iter();
-        let same = seen.find(|seen| who.is_some() && seen.visitor.who() == who);
-        same.map_or_else(
-            || {
-                self.numbers = self.numbers.wrapping_add(1);
-                self.numbers
-            },
-            |seen| seen.number,
-        )
+        let known = |(known, _): &&(Who, u32)| Some(known) == who.as_ref();
+        if let Some((_, number)) = self.numbered.iter().find(known) {
+            return *number;
+        }
+        self.numbers = self.numbers.wrapping_add(1);
+        if let Some(who) = who {
+            keep(&mut self.numbered, (who, self.numbers));
+        }
+        self.numbers
     }
 
     /// Notes that someone waits; what they are answered.
@@ -518,8 +520,8 @@ mod tests {
         assert_eq!(
             events,
             [
-                DoorEvent::Entered(3, ada.clone()),
-                DoorEvent::Left(3, ada),
+                DoorEvent::Entered(1, ada.clone()),
+                DoorEvent::Left(1, ada),
                 DoorEvent::GaveUp(2, bob),
             ]
         );

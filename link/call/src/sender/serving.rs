@@ -208,10 +208,12 @@ pub(super) async fn serve_viewer(
     let stay = visitor.map(|visitor| shared.door.enter(visitor));
     let who = match &stay {
         None => "the server's forwarder".to_owned(),
-        Some(stay) => stay.visitor().to_string(),
+        Some(_) => "a viewer".to_owned(),
     };
+    let known_as = stay.as_ref().map(|stay| format!(", {},", stay.visitor()));
     log::info!(
-        "{who} has joined (session {session:08x}): {}",
+        "{who} has joined{} (session {session:08x}): {}",
+        known_as.unwrap_or_default(),
         Path::told(path.as_ref())
     );
     if let Some(path) = path {

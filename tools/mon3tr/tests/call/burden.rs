@@ -58,7 +58,8 @@ fn another_persons_package_takes_a_bounded_amount_of_memory() {
     let mut command = command(&["receive", &sender.viewers, "--display", "offscreen"]);
     command
         .args(["--size", "200x150", "--frames", "10000"])
-        .args(["--out", &out, "--json", &json]);
+        .args(["--out", &out, "--json", &json])
+        .env("RUST_LOG", "link=info");
     let mut receiver = Program::start_as(&house, out.as_ref(), &mut command);
     receiver.says("joined (session", 1);
     std::thread::sleep(Duration::from_secs(3));
