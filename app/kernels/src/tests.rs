@@ -425,10 +425,19 @@ fn packed_alone(state: &GaussianState, i: usize) -> PackedGaussian {
     PackedGaussian::new(
         at(state, plane::POSITION.start, i),
         at(state, plane::ROTATION.start, i),
-        at(state, plane::LOG2_SCALE.start, i),
+        at(state, plane::LOG2_SCALE.start, i).map(no_larger),
         state.plane(plane::OPACITY)[i],
         at(state, plane::COLOUR.start, i),
     )
+}
+
+/// The scale, or the largest that a person's Gaussian may have. What is no number stays none.
+fn no_larger(log2_scale: f32) -> f32 {
+    if log2_scale > LOG2_MOST_SCALE {
+        LOG2_MOST_SCALE
+    } else {
+        log2_scale
+    }
 }
 
 fn pack(blend: &Blend<'_>, count: usize) -> Vec<PackedGaussian> {
@@ -495,7 +504,7 @@ fn between_two_states_each_gaussian_is_as_in_f64() {
                 let want = PackedGaussian::new(
                     [0, 1, 2].map(lerp),
                     turned.to_array().map(narrow),
-                    [7, 8, 9].map(lerp),
+                    [7, 8, 9].map(lerp).map(no_larger),
                     lerp(10),
                     [11, 12, 13].map(lerp),
                 );
