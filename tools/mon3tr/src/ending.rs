@@ -55,8 +55,9 @@ pub(crate) fn end_now(status: i32) -> ! {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::process::{Command, Stdio};
+    use std::process::Stdio;
     use std::time::Instant;
+    use test_support::program::through_runner;
 
     /// Makes this test's own process the one that hangs.
     const HANGS: &str = "MON3TR_TEST_HANGS";
@@ -71,7 +72,9 @@ mod tests {
         let name =
             "ending::tests::a_process_that_does_not_notice_ends_with_its_status_all_the_same";
         let begun = Instant::now();
-        let mut child = Command::new(std::env::current_exe().expect("this test"))
+        // Not the running program's file, which may be the loader that the runner starts it by.
+        let this = std::env::args_os().next().expect("this test");
+        let mut child = through_runner(this)
             .args(["--exact", name])
             .env(HANGS, "1")
             .stdout(Stdio::null())
