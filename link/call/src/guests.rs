@@ -3,14 +3,16 @@
 //! A guest's secret is the hash of the sender's signature of what it says of the guest, which only the sender can make, and makes again whenever the guest
 //! comes: nothing is kept. Neither another viewer, who has the room's secret, too, nor the server can make one up.
 
-use crate::CallError;
-use data_encoding::BASE64URL_NOPAD;
+use crate::{CallError, proof};
 use identity::{Identity, Purpose};
-use link_protocol::{Guest, GuestPass, GuestSecret, Name, RoomLink};
-use ring::{digest, hmac};
+use link_protocol::{Guest, GuestPass, LinkSecret, Name, RoomLink};
+use ring::digest;
 
 /// What a guest shows in its offer: `GUEST MAC`.
 pub(crate) const LINE: &str = "a=mon3tr-guest:";
+
+/// What the MAC's secret is of.
+const OF_GUEST: &str = "guest";
 
 /// What the link of `guest` to a room of the sender with this key has of them.
 pub(crate) fn pass(own: &Identity, room: &Name, guest: Guest) -> GuestPass {
@@ -22,7 +24,7 @@ pub(crate) fn pass(own: &Identity, room: &Name, guest: Guest) -> GuestPass {
     }
     GuestPass {
         guest,
-        secret: GuestSecret::new(secret),
+        secret: LinkSecret::new(secret),
     }
 }
 
@@ -31,8 +33,7 @@ pub(crate) fn line(room: &RoomLink, text: &str) -> String {
     let Some(GuestPass { guest, secret }) = room.guest() else {
         return String::new();
     };
-    let mac = hmac::sign(&mac_key(secret), text.as_bytes());
-    let mac = BASE64URL_NOPAD.encode(mac.as_ref());
+    let mac = proof::prove(secret, Purpose::Viewer, OF_GUEST, text);
     format!("{LINE}{guest} {mac}\r\n")
 }
 
@@ -49,22 +50,15 @@ pub(crate) fn read(
     };
     let (guest, mac) = line.split_once(' ').ok_or(CallError::NoLink)?;
     let guest: Guest = guest.parse().map_err(|_| CallError::NoLink)?;
-    let mac = BASE64URL_NOPAD.decode(mac.as_bytes());
-    let mac = mac.map_err(|_| CallError::NoLink)?;
     let GuestPass { guest, secret } = pass(own, room.room(), guest);
-    let is_theirs = hmac::verify(&mac_key(&secret), text.as_bytes(), &mac).is_ok();
-    is_theirs.then_some(Some(guest)).ok_or(CallError::NoLink)
-}
-
-fn mac_key(secret: &GuestSecret) -> hmac::Key {
-    let secret = hmac::Key::new(hmac::HMAC_SHA256, secret.bytes());
-    let key = hmac::sign(&secret, &Purpose::Viewer.text(b"guest"));
-    hmac::Key::new(hmac::HMAC_SHA256, key.as_ref())
+    proof::check(&secret, Purpose::Viewer, OF_GUEST, text, mac)?;
+    Ok(Some(guest))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use data_encoding::BASE64URL_NOPAD;
     use link_protocol::{Rights, Token};
 
     fn own(seed: u8) -> Identity {

@@ -5,17 +5,18 @@
 //! know are passed over (RFC 8866, section 5.13).
 
 use crate::visitor::Visitor;
-use crate::{CallError, guests, now};
-use data_encoding::BASE64URL_NOPAD;
+use crate::{CallError, guests, now, proof};
 use identity::{Identity, IdentityError, Keyring, Permit, PublicKey, Purpose};
 use link_http::Client;
-use link_protocol::{Guest, GuestPass, LinkSecret, Name, PackageId, Refusal, RoomLink};
-use ring::hmac;
+use link_protocol::{Guest, GuestPass, Name, PackageId, Refusal, RoomLink};
 
 /// How the lines begin: the MAC; `KEY SIGNATURE`; and a permit as its text has it.
 const LINK_LINE: &str = "a=mon3tr-link:";
 const KEY_LINE: &str = "a=mon3tr-key:";
 const PERMIT_LINE: &str = "a=mon3tr-permit:";
+
+/// What the MAC's secret is of.
+const OF_LINK: &str = "link";
 
 /// The line of a server's forwarder in an answer: it has nothing to show, and what it hands on is sealed.
 const FORWARDER_LINE: &str = "a=mon3tr-forwarder";
@@ -136,8 +137,8 @@ fn introduce(
     sdp: &str,
 ) -> String {
     let link = room.secret().map(|secret| {
-        let mac = hmac::sign(&mac_key(secret, purpose), text.as_bytes());
-        format!("{LINK_LINE}{}\r\n", BASE64URL_NOPAD.encode(mac.as_ref()))
+        let mac = proof::prove(secret, purpose, OF_LINK, text);
+        format!("{LINK_LINE}{mac}\r\n")
     });
     let key = own.map(|own| own.lines(purpose, text));
     let [link, key] = [link, key].map(Option::unwrap_or_default);
@@ -157,16 +158,7 @@ fn check_link(room: &RoomLink, purpose: Purpose, text: &str, sdp: &str) -> Resul
         return Ok(());
     };
     let mac = only(sdp, LINK_LINE)?.ok_or(CallError::NoLink)?;
-    let mac = BASE64URL_NOPAD.decode(mac.as_bytes());
-    let mac = mac.map_err(|_| CallError::NoLink)?;
-    hmac::verify(&mac_key(secret, purpose), text.as_bytes(), &mac).map_err(|_| CallError::NoLink)
-}
-
-/// The key for one direction: what a viewer sent proves nothing for a sender.
-fn mac_key(secret: &LinkSecret, purpose: Purpose) -> hmac::Key {
-    let secret = hmac::Key::new(hmac::HMAC_SHA256, secret.bytes());
-    let key = hmac::sign(&secret, &purpose.text(b"link"));
-    hmac::Key::new(hmac::HMAC_SHA256, key.as_ref())
+    proof::check(secret, purpose, OF_LINK, text, mac)
 }
 
 /// Which side answered.
@@ -359,7 +351,7 @@ pub(crate) fn only<'a>(sdp: &'a str, head: &str) -> Result<Option<&'a str>, Call
 #[cfg(test)]
 mod tests {
     use super::*;
-    use link_protocol::CallLink;
+    use link_protocol::{CallLink, LinkSecret};
 
     const OFFER: &str = "v=0\r\na=fingerprint:sha-256 AA:01\r\nm=application 9\r\na=mid:0\r\n";
     const ANSWER: &str = "v=0\r\nm=application 9\r\na=fingerprint:sha-256 BB:02\r\n";
@@ -465,8 +457,8 @@ mod tests {
         }
         // What a viewer proved is no proof of a sender.
         let [viewers, senders] = [Purpose::Viewer, Purpose::Sender].map(|purpose| {
-            let key = mac_key(&LinkSecret::new([1; 16]), purpose);
-            hmac::sign(&key, b"the same text").as_ref().to_vec()
+            let secret = LinkSecret::new([1; 16]);
+            proof::prove(&secret, purpose, OF_LINK, "the same text")
         });
         assert_ne!(viewers, senders);
     }

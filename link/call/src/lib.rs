@@ -52,6 +52,7 @@ pub mod path;
 mod peer;
 mod plan;
 mod privacy;
+mod proof;
 pub mod reach;
 mod seal;
 mod seats;

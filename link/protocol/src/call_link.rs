@@ -1,9 +1,9 @@
 //! The link to a call of several (`docs/protocol.md`, "Calls").
 
-use crate::fragment::{Fragment, LinkSecret};
+use crate::fragment::Fragment;
 use crate::limits::MAX_LINK;
 use crate::room_link::{RoomLink, ServerUrl};
-use crate::{Name, ProtocolError, Token};
+use crate::{LinkSecret, Name, ProtocolError, Token};
 use identity::KeyHash;
 use std::fmt;
 use std::str::FromStr;

@@ -1,14 +1,10 @@
 //! What follows a link's `#`, which programs tell no server but for the token.
 
 use crate::guest::GuestPass;
+use crate::link_secret::LinkSecret;
 use crate::{ProtocolError, Token};
-use data_encoding::BASE64URL_NOPAD;
 use identity::{IdentityError, KeyHash};
-use std::fmt;
 use std::str::FromStr;
-
-/// Bytes of a [`LinkSecret`].
-const SECRET_BYTES: usize = 16;
 
 /// `TOKEN[:key=KEY][:secret=SECRET][:guest=GUEST]`. No token has a colon, and a shell leaves it alone.
 #[derive(Clone, PartialEq, Eq)]
@@ -36,7 +32,7 @@ impl Fragment {
             text += &format!(":key={key}");
         }
         if let Some(secret) = &self.secret {
-            text += &format!(":secret={}", BASE64URL_NOPAD.encode(secret.bytes()));
+            text += &format!(":secret={}", secret.text());
         }
         if let Some(guest) = &self.guest {
             text += &format!(":guest={}", guest.text());
@@ -76,34 +72,5 @@ impl FromStr for Fragment {
             }
         }
         Ok(fragment)
-    }
-}
-
-/// What only those have who have a link: with it sender and viewer prove to each other, past the server, that they do. Its `Debug` hides it.
-#[derive(Clone, PartialEq, Eq)]
-pub struct LinkSecret([u8; SECRET_BYTES]);
-
-impl LinkSecret {
-    /// That of a new link, of random bytes.
-    #[must_use]
-    pub fn new(bytes: [u8; SECRET_BYTES]) -> Self {
-        Self(bytes)
-    }
-
-    /// The key for what is proved with it. It must not appear in a log or a message.
-    #[must_use]
-    pub fn bytes(&self) -> &[u8; SECRET_BYTES] {
-        &self.0
-    }
-
-    fn read(text: &str) -> Option<Self> {
-        let bytes = BASE64URL_NOPAD.decode(text.as_bytes()).ok()?;
-        bytes.try_into().ok().map(Self)
-    }
-}
-
-impl fmt::Debug for LinkSecret {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("...")
     }
 }

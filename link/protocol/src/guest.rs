@@ -1,13 +1,10 @@
 //! Guests of a room: each has a link of their own, which says what they are called, until when they may come, and what they may have of the sender. The sender
 //! makes the links by itself, keeps no list of them, and knows its own again (`docs/protocol.md`, "Guests").
 
-use crate::PersonName;
+use crate::{LinkSecret, PersonName};
 use data_encoding::BASE64URL_NOPAD;
 use std::fmt;
 use std::str::FromStr;
-
-/// Bytes of a guest's secret.
-const SECRET_BYTES: usize = 16;
 
 /// What a guest may have of the sender.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -98,47 +95,19 @@ impl FromStr for Guest {
     }
 }
 
-/// What proves that someone has a guest's link. Its `Debug` hides it.
-#[derive(Clone, PartialEq, Eq)]
-pub struct GuestSecret([u8; SECRET_BYTES]);
-
-impl GuestSecret {
-    /// Of these bytes, which the sender makes.
-    #[must_use]
-    pub fn new(bytes: [u8; SECRET_BYTES]) -> Self {
-        Self(bytes)
-    }
-
-    /// The key for what is proved with it. It must not appear in a log or a message.
-    #[must_use]
-    pub fn bytes(&self) -> &[u8; SECRET_BYTES] {
-        &self.0
-    }
-}
-
-impl fmt::Debug for GuestSecret {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("...")
-    }
-}
-
 /// What a guest's link has of them: `GUEST.SECRET`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct GuestPass {
     /// Who they are.
     pub guest: Guest,
     /// What proves it.
-    pub secret: GuestSecret,
+    pub secret: LinkSecret,
 }
 
 impl GuestPass {
     /// Its text, which must not appear in a log.
     pub(crate) fn text(&self) -> String {
-        format!(
-            "{}.{}",
-            self.guest,
-            BASE64URL_NOPAD.encode(self.secret.bytes())
-        )
+        format!("{}.{}", self.guest, self.secret.text())
     }
 }
 
@@ -147,13 +116,10 @@ impl FromStr for GuestPass {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let (guest, secret) = text.rsplit_once('.').ok_or("a guest's secret is missing")?;
-        let secret = BASE64URL_NOPAD.decode(secret.as_bytes()).ok();
-        let secret = secret.and_then(|secret| secret.try_into().ok());
+        let secret = LinkSecret::read(secret);
         Ok(Self {
             guest: guest.parse()?,
-            secret: secret
-                .map(GuestSecret)
-                .ok_or("a guest's secret is too short or too long")?,
+            secret: secret.ok_or("a guest's secret is too short or too long")?,
         })
     }
 }
@@ -173,7 +139,7 @@ mod tests {
                     hear: false,
                 },
             },
-            secret: GuestSecret::new([7; SECRET_BYTES]),
+            secret: LinkSecret::new([7; 16]),
         };
         let text = pass.text();
         assert_eq!(

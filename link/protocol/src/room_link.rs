@@ -11,10 +11,10 @@ use url::Url;
 
 use identity::KeyHash;
 
-use crate::fragment::{Fragment, LinkSecret};
+use crate::fragment::Fragment;
 use crate::guest::GuestPass;
 use crate::limits::MAX_LINK;
-use crate::{Name, ProtocolError, Token};
+use crate::{LinkSecret, Name, ProtocolError, Token};
 
 /// A server's base address: http or https, a host, maybe a port and a path before `/v1`.
 #[derive(Clone, PartialEq, Eq, Hash)]
