@@ -1,5 +1,6 @@
 //! A call while it is held: who else is in it, and what keys of the window, or lines on the terminal, do.
 
+use crate::typed::take_lines;
 use app_session::own_motion::OwnMotion;
 use app_session::participant::Participant;
 use call_member::{Member, Members};
@@ -121,23 +122,12 @@ impl Controls {
 
     /// Does what lines of `input` ask for, a key or its word each, until it ends.
     pub(crate) fn listen(&self, input: impl BufRead) {
-        // Whatever is longer than the words is no word, and is not read into memory whole.
-        let mut line = Vec::with_capacity(LONGEST_WORD + 1);
-        for byte in input.bytes() {
-            let Ok(byte) = byte else { break };
-            if byte == b'\n' {
-                self.obey(&line);
-                line.clear();
-            } else if line.len() <= LONGEST_WORD {
-                line.push(byte);
-            }
-        }
-        self.obey(&line);
+        take_lines(input, LONGEST_WORD, |line| self.obey(line));
     }
 
     /// Does what a line asks for, and says what could be asked for where it is nothing of it.
-    fn obey(&self, line: &[u8]) {
-        let line = String::from_utf8_lossy(line).trim().to_ascii_lowercase();
+    fn obey(&self, line: &str) {
+        let line = line.trim().to_ascii_lowercase();
         let word = WORDS.iter().find(|(_, word)| *word == line);
         let mut letters = line.chars();
         let key = match (letters.next(), letters.next()) {

@@ -4,6 +4,7 @@
 mod book;
 
 use crate::network::Line;
+use crate::typed::take_lines;
 use anyhow::Context;
 use book::Book;
 use link_call::door::{DoorEvent, DoorRules, Seen};
@@ -134,17 +135,7 @@ impl Doorkeeper {
 
     /// Does what the lines of `input` ask for, until it ends.
     fn listen(&self, input: impl BufRead) {
-        let mut line = Vec::with_capacity(LONGEST_LINE + 1);
-        for byte in input.bytes() {
-            let Ok(byte) = byte else { break };
-            if byte == b'\n' {
-                self.obey(&String::from_utf8_lossy(&line));
-                line.clear();
-            } else if line.len() <= LONGEST_LINE {
-                line.push(byte);
-            }
-        }
-        self.obey(&String::from_utf8_lossy(&line));
+        take_lines(input, LONGEST_LINE, |line| self.obey(line));
     }
 
     fn obey(&self, line: &str) {

@@ -35,6 +35,7 @@ mod side_by_side;
 pub mod size;
 mod sound;
 pub mod stills;
+mod typed;
 mod until;
 pub mod up;
 pub mod viewpoint;
