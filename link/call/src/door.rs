@@ -44,6 +44,13 @@ pub struct DoorRules {
     pub invited: Vec<(Guest, Name)>,
 }
 
+impl DoorRules {
+    fn has_removed(&self, visitor: &Visitor) -> bool {
+        let mut all = visitor.all_that_it_is();
+        all.any(|who| self.removed.contains(&who))
+    }
+}
+
 /// What happens at the door.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum DoorEvent {
@@ -201,14 +208,12 @@ impl Door {
     /// Notes that a guest has a link, with a token that the server calls `token`.
     pub fn invite(&self, guest: Guest, token: Name) {
         let mut state = self.locked();
-        state
-            .rules
-            .removed
-            .retain(|who| !matches!(who, Who::Guest(other) if *other == guest));
+        let who = Who::Guest(guest.clone());
+        state.rules.removed.retain(|removed| *removed != who);
         keep(&mut state.rules.invited, (guest, token));
     }
 
-    /// Lets in whoever has this number: who waits, or was sent away. Who they are.
+    /// Lets in whoever of this number waits, also if the same key was sent away meanwhile with another link. Who they are.
     pub fn admit(&self, number: u32) -> Option<Visitor> {
         let mut state = self.locked();
         let waits = state
@@ -238,11 +243,7 @@ impl Door {
         let sessions: Vec<Name> = sessions.map(|viewer| viewer.session.clone()).collect();
         state.handed_over.retain(|viewer| viewer.number != number);
         state.to_end.extend(sessions);
-        let by = [
-            visitor.guest.clone().map(Who::Guest),
-            visitor.key.map(Who::Key),
-        ];
-        for who in by.into_iter().flatten() {
+        for who in visitor.all_that_it_is() {
             state.rules.admitted.retain(|admitted| *admitted != who);
             keep(&mut state.rules.removed, who);
         }
@@ -268,15 +269,10 @@ impl Door {
     pub(crate) fn knock(&self, visitor: &Visitor, now: u64) -> Result<(), Refusal> {
         let mut state = self.locked();
         state.forget_who_gave_up();
-        let rules = &state.rules;
-        let by = [
-            visitor.guest.clone().map(Who::Guest),
-            visitor.key.map(Who::Key),
-        ];
-        let is_removed = |who: &Who| rules.removed.contains(who);
-        if by.iter().flatten().any(is_removed) {
+        if state.rules.has_removed(visitor) {
             return Err(Refusal::Removed);
         }
+        let rules = &state.rules;
         match &visitor.guest {
             Some(guest) if guest.expires <= now => return Err(Refusal::Expired),
             None if rules.guests_only => return Err(Refusal::Guests),
@@ -306,8 +302,7 @@ impl Door {
         let mut state = self.locked();
         let number = state.number_of(&visitor);
         // Removed between its answer and its connection.
-        let is_removed = |who: Who| state.rules.removed.contains(&who);
-        if visitor.who().is_some_and(is_removed) {
+        if state.rules.has_removed(&visitor) {
             leave.send_replace(true);
         }
         state.tell(DoorEvent::Entered(number, visitor.clone()));

@@ -26,8 +26,13 @@ impl Visitor {
     /// By what it is known again; nothing where it shows nothing.
     #[must_use]
     pub fn who(&self) -> Option<Who> {
+        self.all_that_it_is().next()
+    }
+
+    /// All by which it may be known: a guest has a key, too, as a rule.
+    pub(crate) fn all_that_it_is(&self) -> impl Iterator<Item = Who> {
         let guest = self.guest.clone().map(Who::Guest);
-        guest.or(self.key.map(Who::Key))
+        guest.into_iter().chain(self.key.map(Who::Key))
     }
 
     /// What it may have of the sender.
