@@ -286,11 +286,7 @@ pub(crate) fn wrong_manifests(court: &mut Court, parts: &Parts) {
         json!("../template.safetensors"),
         "manifest lists",
     );
-    change(
-        "/members/0/bytes",
-        json!(u64::MAX),
-        "so that it does not fill this device",
-    );
+    change("/members/0/bytes", json!(u64::MAX), "bytes, not");
     change("/members/0/bytes", json!(0), "more than the 0");
     change("/members/0/sha256", json!("00"), "SHA-256");
     change("/members/4/sha256", json!(""), "SHA-256");
