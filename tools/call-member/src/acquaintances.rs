@@ -38,8 +38,8 @@ impl Acquaintances {
     /// Those in `file`, which need not be there. What of it cannot be read is told, and the file kept aside: whoever is only there is new.
     #[must_use]
     pub fn open(file: PathBuf) -> Self {
-        let mut file = Some(LineFile::new(file, MOST_BYTES));
-        let (met, trouble) = match file.as_ref().map_or_else(|| Ok(Vec::new()), LineFile::read) {
+        let file = LineFile::new(file, MOST_BYTES);
+        let (met, trouble) = match file.read() {
             Ok(lines) => {
                 let met: Vec<_> = lines.iter().filter_map(|text| read(text)).collect();
                 let unread = lines.len() - met.len();
@@ -48,31 +48,32 @@ impl Acquaintances {
             }
             Err(error) => (Vec::new(), Some(error.to_string())),
         };
-        let mut is_another = false;
-        if let (Some(why), Some(path)) = (trouble, file.as_ref().map(LineFile::path)) {
-            let shown = path.display();
-            match set_aside(path) {
-                Ok(aside) => {
-                    is_another = true;
-                    log::warn!(
-                        "not all whom you have met can be read from {shown} ({why}): it is kept as {}, and another one begun",
-                        aside.display()
-                    );
-                }
-                // It is not written over.
-                Err(error) => {
-                    log::warn!(
-                        "not all whom you have met can be read from {shown} ({why}), nor can it be kept aside ({error}): whom you meet is not written down"
-                    );
-                    file = None;
-                }
+        let shown = file.path().display();
+        match trouble.map(|why| (set_aside(file.path()), why)) {
+            None => Self {
+                met,
+                file: Some(file),
+            },
+            Some((Ok(aside), why)) => {
+                log::warn!(
+                    "not all whom you have met can be read from {shown} ({why}): it is kept as {}, and another one begun",
+                    aside.display()
+                );
+                let another = Self {
+                    met,
+                    file: Some(file),
+                };
+                another.keep();
+                another
+            }
+            // It is not written over.
+            Some((Err(error), why)) => {
+                log::warn!(
+                    "not all whom you have met can be read from {shown} ({why}), nor can it be kept aside ({error}): whom you meet is not written down"
+                );
+                Self { met, file: None }
             }
         }
-        let open = Self { file, met };
-        if is_another {
-            open.keep();
-        }
-        open
     }
 
     /// Meets someone, and keeps who is new.
