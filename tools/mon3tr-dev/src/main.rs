@@ -11,6 +11,7 @@ mod eval;
 mod netlab;
 mod reconstruct;
 mod soak;
+mod usage;
 
 use clap::{Parser, Subcommand};
 use mon3tr::program::{self, SharedOptions};

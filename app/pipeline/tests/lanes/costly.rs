@@ -8,6 +8,7 @@ use renderer_splat::error::RenderError;
 use renderer_splat::limits::MOST_PART_PAIRS;
 use renderer_splat::options::{BackEnd, RendererOptions};
 use renderer_splat::renderer::SplatRenderer;
+use renderer_vulkan::gpu::Gpu;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use synthetic_person::hostile::cloud;
@@ -16,6 +17,16 @@ use test_support::vulkan;
 /// So many tiles that 2,000 Gaussians which cover them are too many.
 const LARGE: u32 = 1536;
 
+/// Has tiles drawn of such pictures, with room for one more person.
+fn draw_large(stage: &mut Stage, gpu: &Arc<Gpu>) {
+    let options = RendererOptions {
+        back_end: Some(BackEnd::Tiles),
+        ..RendererOptions::new(stage.lanes.room_taken() + 2_256, LARGE, LARGE, 1)
+    };
+    let renderer = SplatRenderer::new(Arc::clone(gpu), &options).expect("a renderer");
+    stage.lanes.replace_renderer(renderer).expect("room");
+}
+
 #[test]
 fn whose_gaussians_cover_too_many_tiles_is_left_out_and_the_others_go_on() {
     let Some(gpu) = vulkan::gpu() else { return };
@@ -23,12 +34,7 @@ fn whose_gaussians_cover_too_many_tiles_is_left_out_and_the_others_go_on() {
     let Some(mut stage) = Stage::new(&gpu, Plan::CpuTail, &[CPU], at_rest()) else {
         return;
     };
-    let options = RendererOptions {
-        back_end: Some(BackEnd::Tiles),
-        ..RendererOptions::new(stage.lanes.room_taken() + 2_256, LARGE, LARGE, 1)
-    };
-    let renderer = SplatRenderer::new(Arc::clone(&gpu), &options).expect("a renderer");
-    stage.lanes.replace_renderer(renderer).expect("room");
+    draw_large(&mut stage, &gpu);
     stage.camera = camera(LARGE);
     stage.draw_until_seen(1);
     stage.draw(3);
@@ -71,12 +77,7 @@ fn a_picture_that_is_asked_for_by_itself_fails_where_it_would_cost_too_much() {
     else {
         return;
     };
-    let options = RendererOptions {
-        back_end: Some(BackEnd::Tiles),
-        ..RendererOptions::new(stage.lanes.room_taken() + 2_256, LARGE, LARGE, 1)
-    };
-    let renderer = SplatRenderer::new(Arc::clone(&gpu), &options).expect("a renderer");
-    stage.lanes.replace_renderer(renderer).expect("room");
+    draw_large(&mut stage, &gpu);
     stage.join_as(
         &Arc::new(cloud(2_000, 0.49)),
         Plan::CpuTail,

@@ -1,6 +1,7 @@
 //! What an audience costs: one sender, one forwarder, more and more viewers, each in a process of its own but for the viewers, who share one. All on this machine.
 
 use super::measure::print_table;
+use crate::usage::Usage;
 use anyhow::{Context, bail};
 use link_call::viewer::ViewerStatistics;
 use link_call::{Authentication, CallEvent, Viewer};
@@ -231,7 +232,7 @@ impl Audience {
             joined_s,
             forwarder_cores: (busy_now[0] - busy[0]) / seconds,
             viewers_cores: (busy_now[1] - busy[1]) / seconds,
-            forwarder_mb: resident_bytes(forwarder)? / 1e6,
+            forwarder_mb: Usage::of(forwarder)?.resident_bytes as f64 / 1e6,
             delay_p50_ms: percentile(0.5),
             delay_p95_ms: percentile(0.95),
             frames_lost_percent: of(|s| s.frames).1,
@@ -261,14 +262,6 @@ fn busy_seconds(process: u32) -> anyhow::Result<f64> {
     let times = after_name.split_whitespace().skip(11).take(2);
     let ticks: f64 = times.filter_map(|ticks| ticks.parse::<f64>().ok()).sum();
     Ok(ticks / 100.0)
-}
-
-fn resident_bytes(process: u32) -> anyhow::Result<f64> {
-    let path = format!("/proc/{process}/status");
-    let text = std::fs::read_to_string(&path).with_context(|| format!("cannot read {path}"))?;
-    let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:"));
-    let kilobytes = line.and_then(|line| line.split_whitespace().next()?.parse::<f64>().ok());
-    Ok(kilobytes.context("the kernel does not tell the memory")? * 1024.0)
 }
 
 fn print(measured: &[Measured]) {

@@ -3,7 +3,7 @@
 use super::judgement::Outcome;
 use super::person::Person;
 use super::sample::{Sample, Shown};
-use super::usage::{Usage, has_loaded, load};
+use crate::usage::{Usage, has_loaded, load};
 use anyhow::{Context, anyhow, ensure};
 use link_http::Client;
 use mon3tr::children::{LocalServer, Output, Process};

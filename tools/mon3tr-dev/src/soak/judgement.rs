@@ -2,7 +2,7 @@
 
 use super::sample::{PROGRAMS, Sample, Shown};
 use super::schedule::Schedule;
-use super::usage::Usage;
+use crate::usage::Usage;
 use serde::Serialize;
 use std::ops::Range;
 use std::time::Duration;

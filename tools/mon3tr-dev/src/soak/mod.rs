@@ -8,7 +8,6 @@ mod judgement;
 mod person;
 mod sample;
 mod schedule;
-mod usage;
 
 use anyhow::{Context, bail};
 use call::Call;

@@ -1,6 +1,6 @@
 //! One look at a call: a line of the table of samples.
 
-use super::usage::Usage;
+use crate::usage::Usage;
 use serde::{Deserialize, Serialize};
 
 /// The programs of a call, in the order of [`Sample::processes`].

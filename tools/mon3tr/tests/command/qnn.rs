@@ -7,6 +7,13 @@ use spmm3::Avatar;
 use test_support::onnx::{runtime, runtime_with_qnn};
 use test_support::vulkan::gpu;
 
+/// The command that compiles the graph of the package at `plain` for the Quest 3.
+fn bake<'a>(plain: &'a str, compiled: &'a str) -> [&'a str; 7] {
+    [
+        "bake", "--qnn", "sxr2230p", "--avatar", plain, "--out", compiled,
+    ]
+}
+
 #[test]
 fn bake_compiles_a_packages_graph_for_the_npu_and_keeps_the_plain_one() {
     if runtime_with_qnn().is_none() {
@@ -16,18 +23,8 @@ fn bake_compiles_a_packages_graph_for_the_npu_and_keeps_the_plain_one() {
     let package = puppet(&folder);
     let path = |name: &str| folder.path().join(name);
     let (out, figures) = (path("new/compiled.m3a"), path("figures.json"));
-    mon3tr(&[
-        "bake",
-        "--qnn",
-        "sxr2230p",
-        "--avatar",
-        text(&package),
-        "--out",
-        text(&out),
-        "--json",
-        text(&figures),
-    ])
-    .succeeds();
+    let told = ["--json", text(&figures)];
+    mon3tr(&[&bake(text(&package), text(&out))[..], &told].concat()).succeeds();
     let plain = Avatar::load(&package).expect("the package it came from");
     let avatar = Avatar::load(&out).expect("the package it wrote");
     let [compiled] = &avatar.compiled[..] else {
@@ -65,10 +62,7 @@ fn whoever_signs_a_package_does_not_vouch_for_anothers_compiled_graph() {
     let package = puppet(&folder);
     let compiled = folder.path().join("compiled.m3a");
     let (plain, compiled) = (text(&package), text(&compiled));
-    mon3tr(&[
-        "bake", "--qnn", "sxr2230p", "--avatar", plain, "--out", compiled,
-    ])
-    .succeeds();
+    mon3tr(&bake(plain, compiled)).succeeds();
     let baked = Avatar::load(compiled.as_ref()).expect("the package");
     // One's own signature stays, and the graph with it.
     mon3tr(&["keys", "sign", compiled]).succeeds();
@@ -92,17 +86,10 @@ fn a_strangers_compiled_graph_is_used_from_when_their_key_is_trusted_until_it_is
     let package = puppet(&folder);
     let path = |name: &str| folder.path().join(name);
     let (out, figures, cache) = (path("compiled.m3a"), path("p.json"), path("cache"));
+    let (trace, page) = (path("trace.json"), path("profile.html"));
     // Another user of another machine bakes and signs.
     let stranger = path("stranger");
-    let bake = [
-        "bake",
-        "--qnn",
-        "sxr2230p",
-        "--avatar",
-        text(&package),
-        "--out",
-        text(&out),
-    ];
+    let bake = bake(text(&package), text(&out));
     Outcome::of(command(&bake).env("MON3TR_KEY", &stranger)).succeeds();
     let key = Avatar::load(&out).expect("the package").signer;
     let key = key.expect("it is signed").to_string();
@@ -124,6 +111,10 @@ fn a_strangers_compiled_graph_is_used_from_when_their_key_is_trusted_until_it_is
         "96x64",
         "--json",
         text(&figures),
+        "--trace",
+        text(&trace),
+        "--page",
+        text(&page),
     ];
     let used = || {
         as_me(&profile).succeeds();

@@ -249,7 +249,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     sent.print();
     let joining = Joining::new(begun, seated, &figures, shown.first_picture());
     let came = came.into_inner().unwrap_or_else(PoisonError::into_inner);
-    let (received, outcome) = receive::Report::new(&came, shown);
+    let (received, outcome) = receive::Report::new(&came, shown, false);
     match &received {
         // Every table of every person is more than is read: `--json` has them.
         Some(received) if log::log_enabled!(log::Level::Info) => received.print(),

@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 
 /// What a process takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub(super) struct Usage {
+pub(crate) struct Usage {
     /// Memory that is resident, bytes: the device's too, where that is software.
-    pub(super) resident_bytes: u64,
+    pub(crate) resident_bytes: u64,
     /// Open descriptors.
-    pub(super) descriptors: u64,
+    pub(crate) descriptors: u64,
     /// Threads.
-    pub(super) threads: u64,
+    pub(crate) threads: u64,
 }
 
 impl Usage {
@@ -20,7 +20,7 @@ impl Usage {
     ///
     /// # Errors
     /// If it is gone, or the system tells nothing of it.
-    pub(super) fn of(process: u32) -> anyhow::Result<Self> {
+    pub(crate) fn of(process: u32) -> anyhow::Result<Self> {
         let folder = folder(process);
         let status = std::fs::read_to_string(folder.join("status"))
             .with_context(|| format!("cannot look at process {process}"))?;
@@ -39,14 +39,14 @@ impl Usage {
 }
 
 /// Whether a library whose file's name contains `name` is loaded in a process.
-pub(super) fn has_loaded(process: u32, name: &str) -> anyhow::Result<bool> {
+pub(crate) fn has_loaded(process: u32, name: &str) -> anyhow::Result<bool> {
     let maps = std::fs::read_to_string(folder(process).join("maps"))
         .with_context(|| format!("cannot look at process {process}"))?;
     Ok(maps.contains(name))
 }
 
 /// How many threads wanted a processor in the last minute, on average, of all programs; nothing where the system does not say.
-pub(super) fn load() -> Option<f64> {
+pub(crate) fn load() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/loadavg").ok()?;
     text.split_whitespace().next()?.parse().ok()
 }
