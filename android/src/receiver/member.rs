@@ -21,8 +21,8 @@ use app_session::own_motion::OwnMotion;
 use app_session::participant::{NetworkContext, Origin, Participant};
 use app_session::session::Session;
 use call_member::{
-    Acquaintances, Guest, Members, Performance, PrivacyButtons, Roster, WEARER_RATE, WearerCapture,
-    play_voices,
+    Acquaintances, Members, Newcomer, Performance, PrivacyButtons, Roster, WEARER_RATE,
+    WearerCapture, play_voices,
 };
 use identity::Keyring;
 use link_call::{Credentials, Door, Sender};
@@ -318,7 +318,7 @@ impl Member<'_> {
                 let _over = SetAtEnd(&self.stop);
                 roster.follow(
                     |room, announced, watch| self.fetch(room, announced, watch),
-                    |guest| admit.send(self.participant(guest)).is_ok(),
+                    |newcomer| admit.send(self.participant(newcomer)).is_ok(),
                 )
             });
             let shown = {
@@ -385,16 +385,16 @@ impl Member<'_> {
         Ok(Some(Arc::new(avatar)))
     }
 
-    fn participant(&self, guest: Guest<Arc<Avatar>>) -> Participant {
+    fn participant(&self, newcomer: Newcomer<Arc<Avatar>>) -> Participant {
         Participant {
-            avatar: guest.avatar,
+            avatar: newcomer.avatar,
             sits: self.settings.seat.value,
             origin: Origin::Room {
-                link: guest.room,
-                announced: guest.announced,
+                link: newcomer.room,
+                announced: newcomer.announced,
                 network: self.network.clone(),
-                voice: guest.voice,
-                watch: guest.watch,
+                voice: newcomer.voice,
+                watch: newcomer.watch,
             },
         }
     }

@@ -39,6 +39,14 @@ pub enum CallError {
         "the sender has as many viewers as it serves, and its server forwards to no more of them (`serve --forward` says to how many)"
     )]
     TooManyViewers,
+    /// As many guests have links as may.
+    #[error(
+        "{most} guests have links that hold: links end by themselves, or with their room, so give the next ones a shorter time or open another room"
+    )]
+    TooManyGuests {
+        /// So many.
+        most: usize,
+    },
     /// The server serves this viewer, in place of the sender.
     #[error("the sender has many viewers: the server serves this one")]
     HandedOver,
@@ -151,6 +159,14 @@ fn no_way(relay: Option<&Relay>) -> String {
 }
 
 impl CallError {
+    /// Whether the sender is not there, and may come.
+    pub(crate) fn is_absence(&self) -> bool {
+        matches!(
+            self,
+            Self::SenderAbsent | Self::Http(HttpError::SenderAbsent { .. })
+        )
+    }
+
     /// Whether trying again later cannot help, because the link itself is wrong, or the other side is not who it should be.
     #[must_use]
     pub fn is_final(&self) -> bool {

@@ -75,6 +75,7 @@ mod tests {
             name: "Bob".parse().expect("a name"),
             expires,
             rights: Rights::ALL,
+            token: "t1".parse().expect("a name"),
         }
     }
 
@@ -114,7 +115,7 @@ mod tests {
         let pass = pass(&own(1), room("r").room(), bob(9));
         assert_eq!(
             BASE64URL_NOPAD.encode(pass.secret.bytes()),
-            "pb60sHYTaDD5SKCnLctSHw"
+            "YjBEvzNMTsEfXqBTynNPoA"
         );
     }
 }

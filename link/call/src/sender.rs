@@ -14,7 +14,7 @@ use crate::path::Path;
 use crate::plan::Planner;
 use crate::privacy::Privacy;
 use crate::seats::Venue;
-use crate::{Backoff, CallError, addresses, is_set, renew};
+use crate::{Backoff, CallError, addresses, door, is_set, now, renew};
 use link_codec::{Codec, Micros, MotionFrame};
 use link_http::presence::Presence;
 use link_http::{Client, HttpError};
@@ -34,7 +34,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::{Notify, Semaphore, broadcast, watch};
 use tokio::task::JoinSet;
-use tokio::time::Instant;
+use tokio::time::{Instant, MissedTickBehavior};
 use watching::Watching;
 
 /// Viewers at once: what a home's uplink carries easily.
@@ -189,7 +189,7 @@ impl Sender {
         clock: Clock,
     ) -> Result<Self, CallError> {
         let entering = EnterRoom {
-            revoked: door.revoked(MAX_REVOKED),
+            revoked: door.revoked(MAX_REVOKED, now()),
             ..announcement.into()
         };
         let (venue, presence) = Venue::of_room(&client, room, &entering).await?;
@@ -391,6 +391,8 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
     let mut here = addresses::Watch::begin();
     let (doubt, door) = (Arc::clone(&shared.doubt), shared.door.clone());
     let mut doubted: Option<Instant> = None;
+    let mut looks = tokio::time::interval(door::LOOK);
+    looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         let event = tokio::select! {
             () = is_set(&mut stop) => break,
@@ -414,11 +416,15 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
             () = door.changed() => {
                 let ended = end_sessions(shared.clone(), door.take_sessions_to_end());
                 tokio::spawn(ended);
-                let revoked = door.revoked(MAX_REVOKED);
+                let revoked = door.revoked(MAX_REVOKED, now());
                 if revoked != entering.revoked {
                     entering.revoked = revoked;
                     enter_again("a guest's link is revoked", &mut shared.client, &mut presence, &mut backoff);
                 }
+                continue;
+            }
+            _ = looks.tick() => {
+                door.end_expired(now());
                 continue;
             }
             event = next_event(&shared, &entering, &mut presence, &mut backoff) => event,
@@ -433,6 +439,7 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
                 session,
                 sdp,
                 forwards,
+                token,
             } => {
                 shared.offered.notify_one();
                 if let Some(oldest) = shared.opening.begin(&session)
@@ -448,7 +455,11 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
                 let shared = shared.clone();
                 viewers.spawn(async move {
                     let (refusals, opening) = (shared.refusals.clone(), shared.opening.clone());
-                    let offer = Offer { sdp, forwards };
+                    let offer = Offer {
+                        sdp,
+                        forwards,
+                        token,
+                    };
                     if let Err(error) = serve_viewer(shared, &session, offer, left).await {
                         refusals.tell(&error);
                     }
@@ -482,12 +493,21 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
     while viewers.join_next().await.is_some() {}
 }
 
-/// Has the server end what it serves to viewers that were sent away.
+/// Has the server end what it serves to viewers that have to go, however often it has to be asked.
 async fn end_sessions(shared: Shared, sessions: Vec<Name>) {
-    let room = shared.venue.room();
+    let (room, mut stop) = (shared.venue.room(), shared.stop.clone());
+    let mut backoff = Backoff::default();
     for session in sessions {
-        if let Err(error) = shared.client.leave(&room, &session).await {
-            log::warn!("the server may still forward to a viewer that was sent away: {error}");
+        while let Err(error) = shared.client.leave(&room, &session).await {
+            if error.is_final() {
+                log::warn!("the server may still forward to a viewer that has to go: {error}");
+                break;
+            }
+            log::debug!("the server is asked again to end a session: {error}");
+            tokio::select! {
+                () = is_set(&mut stop) => return,
+                () = tokio::time::sleep(backoff.next()) => {}
+            }
         }
     }
 }

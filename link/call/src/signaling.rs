@@ -3,8 +3,8 @@
 use crate::CallError;
 use link_http::Client;
 use link_http::rooms::Answer;
-use link_protocol::RoomLink;
 use link_protocol::rooms::RoomStatus;
+use link_protocol::{Name, RoomLink};
 
 /// A room, as one who joins it sees it. A server that forwards is a viewer of the rooms it has, without going through itself.
 #[async_trait::async_trait]
@@ -23,6 +23,9 @@ pub trait Signaling: Send + Sync + std::fmt::Debug {
     /// # Errors
     /// [`CallError::SenderAbsent`], and those of a request.
     async fn offer(&self, sdp: &str) -> Result<Answer, CallError>;
+
+    /// Tells the sender that a viewer whom it handed over is served no longer, or could not be.
+    async fn left(&self, session: &Name);
 }
 
 /// A room on a server that is reached over HTTP.
@@ -46,4 +49,7 @@ impl Signaling for HttpRoom {
     async fn offer(&self, sdp: &str) -> Result<Answer, CallError> {
         Ok(self.client.offer(&self.room, sdp).await?)
     }
+
+    /// Nobody hands viewers over but to their room's own server.
+    async fn left(&self, _: &Name) {}
 }

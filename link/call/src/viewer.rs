@@ -109,7 +109,7 @@ pub struct ViewerStatistics {
     pub path: Option<Path>,
     /// The key of its sender, where it proved to have one.
     pub sender: Option<PublicKey>,
-    /// Why the last try to join did not succeed, until one does.
+    /// Why the last try to join did not succeed, until one does; nothing while the sender is only awaited.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub not_joined: Option<String>,
 }
@@ -313,7 +313,8 @@ impl Call {
                     break;
                 }
                 Turn::Joined(Err(error)) => {
-                    self.with_statistics(|s| s.not_joined = Some(error.to_string()));
+                    let why = (!error.is_absence()).then(|| error.to_string());
+                    self.with_statistics(|s| s.not_joined = why);
                     // Trying again may help, and so may who reads this.
                     let matters = matches!(
                         error,

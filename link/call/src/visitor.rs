@@ -26,11 +26,12 @@ impl Visitor {
     /// By what it is known again; nothing where it shows nothing.
     #[must_use]
     pub fn who(&self) -> Option<Who> {
-        self.all_that_it_is().next()
+        self.identities().next()
     }
 
-    /// All by which it may be known: a guest has a key, too, as a rule.
-    pub(crate) fn all_that_it_is(&self) -> impl Iterator<Item = Who> {
+    /// All by which it may be known, the best first: a guest has a key, too, as a rule. Whoever is let in is let in by the best of these; whoever is sent
+    /// away, by all.
+    pub(crate) fn identities(&self) -> impl Iterator<Item = Who> {
         let guest = self.guest.clone().map(Who::Guest);
         guest.into_iter().chain(self.key.map(Who::Key))
     }

@@ -1,7 +1,7 @@
 //! Guests of a room: each has a link of their own, which says what they are called, until when they may come, and what they may have of the sender. The sender
 //! makes the links by itself, keeps no list of them, and knows its own again (`docs/protocol.md`, "Guests").
 
-use crate::{LinkSecret, PersonName};
+use crate::{LinkSecret, Name, PersonName};
 use data_encoding::BASE64URL_NOPAD;
 use std::fmt;
 use std::str::FromStr;
@@ -48,7 +48,8 @@ impl FromStr for Rights {
     }
 }
 
-/// What a sender says of a guest. Its text is `NAME.EXPIRES.RIGHTS`, the name in base64url.
+/// What a sender says of a guest. Its text is `NAME.EXPIRES.RIGHTS.TOKEN`, the name in base64url. No two links are of the same guest, since each has a token of
+/// its own: whoever is sent away stays away, whatever links are made later.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Guest {
     /// What the sender calls them.
@@ -57,12 +58,14 @@ pub struct Guest {
     pub expires: u64,
     /// What they may have.
     pub rights: Rights,
+    /// What the server calls the token of their link.
+    pub token: Name,
 }
 
 impl fmt::Display for Guest {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = BASE64URL_NOPAD.encode(self.name.as_str().as_bytes());
-        write!(f, "{name}.{}.{}", self.expires, self.rights)
+        write!(f, "{name}.{}.{}.{}", self.expires, self.rights, self.token)
     }
 }
 
@@ -70,9 +73,10 @@ impl FromStr for Guest {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || "a guest's name, time or rights are wrong".to_owned();
-        let mut parts = text.split('.');
-        let (Some(name), Some(expires), Some(rights), None) =
+        let wrong = || "a guest's name, time, rights or token is wrong".to_owned();
+        // A token's name may have dots.
+        let mut parts = text.splitn(4, '.');
+        let (Some(name), Some(expires), Some(rights), Some(token)) =
             (parts.next(), parts.next(), parts.next(), parts.next())
         else {
             return Err(wrong());
@@ -87,6 +91,7 @@ impl FromStr for Guest {
                 .filter(|_| is_number)
                 .ok_or_else(wrong)?,
             rights: rights.parse()?,
+            token: token.parse().map_err(|_| wrong())?,
         };
         // A name is written in one way only, too.
         (guest.to_string() == text)
@@ -138,12 +143,13 @@ mod tests {
                     see: true,
                     hear: false,
                 },
+                token: "t-1.a".parse().expect("a name"),
             },
             secret: LinkSecret::new([7; 16]),
         };
         let text = pass.text();
         assert_eq!(
-            text, "Wm_DqyDwn4y7.1900000000.s.BwcHBwcHBwcHBwcHBwcHBw",
+            text, "Wm_DqyDwn4y7.1900000000.s.t-1.a.BwcHBwcHBwcHBwcHBwcHBw",
             "python3: base64.urlsafe_b64encode"
         );
         assert_eq!(text.parse::<GuestPass>(), Ok(pass.clone()));
@@ -151,14 +157,15 @@ mod tests {
         for wrong in [
             "",
             "Wm_DqyDwn4y7.1900000000.s",
-            "Wm_DqyDwn4y7.1900000000.s.Bwc",
-            "Wm_DqyDwn4y7.01900000000.s.BwcHBwcHBwcHBwcHBwcHBw",
-            "Wm_DqyDwn4y7.+1900000000.s.BwcHBwcHBwcHBwcHBwcHBw",
-            "Wm_DqyDwn4y7.1900000000.-.BwcHBwcHBwcHBwcHBwcHBw",
-            "Wm_DqyDwn4y7.1900000000.s.s.BwcHBwcHBwcHBwcHBwcHBw",
+            "Wm_DqyDwn4y7.1900000000.s.t.Bwc",
+            "Wm_DqyDwn4y7.1900000000.s.BwcHBwcHBwcHBwcHBwcHBw",
+            "Wm_DqyDwn4y7.01900000000.s.t.BwcHBwcHBwcHBwcHBwcHBw",
+            "Wm_DqyDwn4y7.+1900000000.s.t.BwcHBwcHBwcHBwcHBwcHBw",
+            "Wm_DqyDwn4y7.1900000000.-.t.BwcHBwcHBwcHBwcHBwcHBw",
+            "Wm_DqyDwn4y7.1900000000.s.t/t.BwcHBwcHBwcHBwcHBwcHBw",
             // A name that steers the terminal, and one with blanks about it.
-            "G1sySg.1900000000.s.BwcHBwcHBwcHBwcHBwcHBw",
-            "IEFkYSA.1900000000.s.BwcHBwcHBwcHBwcHBwcHBw",
+            "G1sySg.1900000000.s.t.BwcHBwcHBwcHBwcHBwcHBw",
+            "IEFkYSA.1900000000.s.t.BwcHBwcHBwcHBwcHBwcHBw",
         ] {
             assert!(wrong.parse::<GuestPass>().is_err(), "{wrong}");
         }

@@ -16,6 +16,8 @@ pub enum PresenceEvent {
         sdp: String,
         /// The server's own forwarder offers this, to hand on to others what it gets. It has no link, so it cannot prove that it has.
         forwards: bool,
+        /// What the server calls the viewer's token; nothing of its own forwarder and of the people of a call.
+        token: Option<Name>,
     },
     /// A viewer has left.
     Leave {
@@ -41,6 +43,8 @@ struct OfferData {
     sdp: String,
     #[serde(default)]
     forwards: bool,
+    #[serde(default)]
+    token: Option<Name>,
 }
 
 #[derive(Deserialize)]
@@ -61,6 +65,7 @@ impl PresenceEvent {
                     session: offer.session,
                     sdp: offer.sdp,
                     forwards: offer.forwards,
+                    token: offer.token,
                 }
             }
             "leave" => {
@@ -85,8 +90,12 @@ impl PresenceEvent {
                 session,
                 sdp,
                 forwards,
+                token,
             } => {
                 let mut offer = json!({ "session": session, "sdp": sdp });
+                if let Some(token) = token {
+                    offer["token"] = token.as_str().into();
+                }
                 if *forwards {
                     offer["forwards"] = true.into();
                 }
@@ -128,14 +137,20 @@ mod tests {
             session: session.clone(),
             sdp: "v=0\r\n".to_owned(),
             forwards: false,
+            token: Some("T1".parse().expect("a name")),
         };
         let forwarders = PresenceEvent::Offer {
             session: session.clone(),
             sdp: "v=0\r\n".to_owned(),
             forwards: true,
+            token: None,
         };
         let written = [
-            (offer, "offer", r#"{"sdp":"v=0\r\n","session":"S1"}"#),
+            (
+                offer,
+                "offer",
+                r#"{"sdp":"v=0\r\n","session":"S1","token":"T1"}"#,
+            ),
             (
                 forwarders,
                 "offer",

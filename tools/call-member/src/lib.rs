@@ -15,6 +15,6 @@ pub use acquaintances::{Acquaintances, Meeting};
 pub use members::{Member, Members};
 pub use perform::Performance;
 pub use privacy::PrivacyButtons;
-pub use roster::{Guest, Roster, RosterFigures};
+pub use roster::{Newcomer, Roster, RosterFigures};
 pub use voices::{MIXED, MIXED_TIME, UnheardError, VoiceMixer, play_voices};
 pub use wearer::{WEARER_RATE, WearerCapture};

@@ -73,7 +73,7 @@ impl std::fmt::Debug for Roster<'_> {
 
 /// A newcomer whose avatar is here: a person of the call, as a session takes them.
 #[derive(Debug)]
-pub struct Guest<A> {
+pub struct Newcomer<A> {
     /// Their seat.
     pub room: RoomLink,
     /// What they announced.
@@ -87,32 +87,34 @@ pub struct Guest<A> {
 }
 
 /// A newcomer whose avatar is to be fetched.
-struct Newcomer {
+struct Expected {
     seat: Name,
     taken: Taken,
     watch: CallWatch,
     voice: VoiceQueue,
 }
 
-impl Newcomer {
+impl Expected {
     fn fetch<A>(
         self,
         link: &CallLink,
         fetch: impl Fn(&RoomLink, &Announcement, &CallWatch) -> anyhow::Result<Option<A>>,
-    ) -> anyhow::Result<Option<Guest<A>>> {
+    ) -> anyhow::Result<Option<Newcomer<A>>> {
         let (room, announced) = (link.seat(&self.seat), self.taken.announcement);
-        Ok(fetch(&room, &announced, &self.watch)?.map(|avatar| Guest {
-            room,
-            announced,
-            avatar,
-            voice: self.voice,
-            watch: self.watch,
-        }))
+        Ok(
+            fetch(&room, &announced, &self.watch)?.map(|avatar| Newcomer {
+                room,
+                announced,
+                avatar,
+                voice: self.voice,
+                watch: self.watch,
+            }),
+        )
     }
 }
 
 /// The seat of a newcomer, with the avatar fetched, or why it could not be; nothing where the call ended before.
-type Fetched<A> = (Name, CallWatch, anyhow::Result<Option<Guest<A>>>);
+type Fetched<A> = (Name, CallWatch, anyhow::Result<Option<Newcomer<A>>>);
 
 /// A question who is there, until it is answered.
 type Asking = JoinHandle<Result<CallStatus, HttpError>>;
@@ -133,7 +135,7 @@ impl Roster<'_> {
     pub fn follow<A: Send>(
         mut self,
         fetch: impl Fn(&RoomLink, &Announcement, &CallWatch) -> anyhow::Result<Option<A>> + Sync,
-        mut admit: impl FnMut(Guest<A>) -> bool,
+        mut admit: impl FnMut(Newcomer<A>) -> bool,
     ) -> RosterFigures {
         let mut figures = RosterFigures::default();
         let mut acquaintances = std::mem::take(&mut self.acquaintances);
@@ -245,7 +247,7 @@ impl Roster<'_> {
     }
 
     /// Compares the seats with who is known; who has to be fetched.
-    fn arrivals(&self, told: &[Seat], seats: &mut Seats) -> Vec<Newcomer> {
+    fn arrivals(&self, told: &[Seat], seats: &mut Seats) -> Vec<Expected> {
         let own = self.own.room();
         let mut arrivals = Vec::new();
         for (number, (seat, voice)) in told.iter().zip(&self.voices).enumerate() {
@@ -284,7 +286,7 @@ impl Roster<'_> {
             log::info!("{name} is in the call: fetching their avatar");
             let known = Known::new(name, taken.clone(), watch.clone());
             seats.known.insert(seat.room.clone(), known);
-            arrivals.push(Newcomer {
+            arrivals.push(Expected {
                 seat: seat.room.clone(),
                 taken: taken.clone(),
                 watch,
@@ -301,7 +303,7 @@ impl Roster<'_> {
         Seats {
             known, fetching, ..
         }: &mut Seats,
-        admit: &mut impl FnMut(Guest<A>) -> bool,
+        admit: &mut impl FnMut(Newcomer<A>) -> bool,
     ) -> bool {
         while let Ok((room, watch, person)) = newcomers.try_recv() {
             fetching.remove(&room);

@@ -25,7 +25,7 @@ const WORDS: [(char, &str); 5] = [
 const LONGEST_WORD: usize = 16;
 
 /// The other people of a call, as they come, for what shows them.
-pub(crate) struct Guests {
+pub(crate) struct Others {
     pub(crate) newcomers: Receiver<Participant>,
     pub(crate) controls: Controls,
 }

@@ -146,17 +146,30 @@ impl Doorkeeper {
             ("", _) => {}
             ("w" | "who", None) => self.print_who(),
             ("a" | "admit", Some(number)) => match self.door.admit(number) {
-                Some(visitor) => println!("{visitor} is let in"),
+                Some(visitor) => {
+                    self.keep();
+                    println!("{visitor} is let in");
+                }
                 None => println!("nobody of the number {number} waits; w: who is there"),
             },
             ("x" | "remove", Some(number)) => match self.door.remove(number) {
-                Some(visitor) => println!("{visitor} is sent away, and does not come in again"),
+                Some(visitor) => {
+                    // Before it is said: it holds whatever happens next.
+                    self.keep();
+                    let known = match visitor.who() {
+                        Some(_) => "and does not come in again",
+                        None => "and nobody comes in without a key any more",
+                    };
+                    println!("{visitor} is sent away, {known}");
+                }
                 None => println!("nobody has the number {number}; w: who is there"),
             },
             ("l" | "lock", None) => {
+                let is_locked = self.door.toggle_lock();
+                self.keep();
                 println!(
                     "{}",
-                    if self.door.toggle_lock() {
+                    if is_locked {
                         "the room is locked: nobody new comes in"
                     } else {
                         "the room is open again"
@@ -204,7 +217,9 @@ impl Doorkeeper {
     /// Tells the performer who comes and goes, and keeps what was decided, until it is `over`.
     pub(crate) fn watch(&self, over: &AtomicBool) {
         let mut told: VecDeque<Instant> = VecDeque::new();
-        while !over.load(Relaxed) {
+        let mut untold = 0;
+        loop {
+            let is_over = over.load(Relaxed);
             while let Some(event) = self.door.next_event() {
                 let line = told_of(&event);
                 told.retain(|at| at.elapsed() < LINES_WITHIN);
@@ -212,10 +227,20 @@ impl Doorkeeper {
                     told.push_back(Instant::now());
                     println!("{line}");
                 } else {
+                    untold += 1;
                     log::debug!("{line}");
                 }
             }
+            told.retain(|at| at.elapsed() < LINES_WITHIN);
+            if untold > 0 && told.len() < MOST_LINES {
+                println!("{untold} more came, waited or left; w: who is there");
+                untold = 0;
+            }
+            // The last time is after everything else.
             self.keep();
+            if is_over {
+                break;
+            }
             std::thread::sleep(LOOK);
         }
     }
@@ -242,6 +267,7 @@ fn told_of(event: &DoorEvent) -> String {
             "{visitor} wants to come in: type a {number} to let them in, x {number} to send them away"
         ),
         DoorEvent::GaveUp(_, visitor) => format!("{visitor} waits no longer"),
+        DoorEvent::Crowded => "more want to come in than can wait: g NAME makes a link for someone whom you expect, and they find room".to_owned(),
         DoorEvent::Entered(number, visitor) => format!("{visitor} sees you (number {number})"),
         DoorEvent::Left(_, visitor) => format!("{visitor} has left"),
     }

@@ -83,7 +83,10 @@ mod tests {
             .expect("it can be started");
         let status = child.wait().expect("it ends");
         assert_eq!(status.code(), Some(130), "{status}");
-        println!("ended after {:?}", begun.elapsed());
-        assert!(begun.elapsed() >= UNNOTICED, "it had time to notice");
+        let took = begun.elapsed();
+        println!("ended after {took:?}");
+        assert!(took >= UNNOTICED, "it had time to notice");
+        // Starting the program is in it, on a busy machine.
+        assert!(took < UNNOTICED + Duration::from_secs(8), "{took:?}");
     }
 }

@@ -74,7 +74,7 @@ fn time(text: &str) -> Result<Duration, String> {
 /// The link of a guest to the sender's `room`, whose server makes a token for them alone. The door knows of it from then on.
 ///
 /// # Errors
-/// If the server makes none.
+/// If the server makes none, or too many guests have links.
 pub async fn invite(
     client: &Client,
     room: &RoomLink,
@@ -87,8 +87,9 @@ pub async fn invite(
         name: invitation.name.clone(),
         expires: added.expires,
         rights: invitation.rights,
+        token: added.name,
     };
-    door.invite(guest.clone(), added.name);
+    door.invite(guest.clone())?;
     let pass = own.pass(room.room(), guest);
     let token = Token::new(&added.viewer_token)?;
     let keyed = room.clone().with_key(own.key().hash());

@@ -42,4 +42,7 @@ pub trait SendersRoom: fmt::Debug + Send + Sync {
 
     /// Offers the sender a connection, in the forwarder's name; the session's name and the answer.
     async fn offer(&self, sdp: &str) -> Option<(Name, String)>;
+
+    /// Tells the sender that a viewer whom it handed over is forwarded to no longer, or could not be.
+    async fn left(&self, session: &Name);
 }

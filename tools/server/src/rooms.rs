@@ -131,8 +131,16 @@ impl Presence {
                 session,
                 sdp,
                 forwards,
-                viewer: _,
-            } => self.offer(session, sdp, forwards).await,
+                viewer,
+            } => {
+                let offer = PresenceEvent::Offer {
+                    session: session.into(),
+                    sdp,
+                    forwards,
+                    token: viewer.map(Name::from),
+                };
+                self.offer(session, offer).await
+            }
             RoomRequest::Answer { session, sdp } => {
                 let waiting = lock(&self.waiting).remove(&session);
                 // A viewer that has just hung up no longer waits either.
@@ -152,7 +160,7 @@ impl Presence {
         viewer.is_some_and(is)
     }
 
-    async fn offer(&self, session: Id, sdp: String, forwards: bool) -> RoomReply {
+    async fn offer(&self, session: Id, offer: PresenceEvent) -> RoomReply {
         let (answer, answered) = oneshot::channel();
         {
             let mut waiting = lock(&self.waiting);
@@ -165,11 +173,7 @@ impl Presence {
             presence: self,
             session,
         };
-        match self.notify(PresenceEvent::Offer {
-            session: session.into(),
-            sdp,
-            forwards,
-        }) {
+        match self.notify(offer) {
             RoomReply::Done => {}
             other => return other,
         }

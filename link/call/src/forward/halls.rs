@@ -10,7 +10,7 @@ use crate::signaling::Signaling;
 use link_playout::Clock;
 use link_protocol::limits::ANSWER_WITHIN;
 use link_protocol::{Announcement, Name};
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -28,6 +28,9 @@ const MOST_OPENING: usize = 64;
 /// How long a viewer waits for the hall to be opened: it has to be answered a little later.
 const JOINED_WITHIN: Duration = Duration::from_secs(3);
 
+/// Sessions that are kept as ended, the newest: those that are ended while the hall is opened for them must not begin then.
+const MOST_ENDED: usize = 4096;
+
 /// A sender that is away for so long has left its audience, which then looks for it by itself.
 const AWAY: Duration = Duration::from_secs(10);
 
@@ -35,6 +38,7 @@ const AWAY: Duration = Duration::from_secs(10);
 #[derive(Debug, Clone)]
 pub struct Halls {
     open: Arc<Mutex<HashMap<Name, Hall>>>,
+    ended: Arc<Mutex<VecDeque<Name>>>,
     /// Viewers at once, of all halls together.
     most: usize,
     clock: Clock,
@@ -84,6 +88,7 @@ impl Halls {
     pub fn new(most: usize) -> Self {
         Self {
             open: Arc::default(),
+            ended: Arc::default(),
             most,
             clock: Clock::start(),
         }
@@ -116,6 +121,9 @@ impl Halls {
         {
             let mut open = self.locked();
             let begun: usize = open.values().map(Hall::begun).sum();
+            if self.ended().contains(&session) {
+                return Err(CallError::NotConnected);
+            }
             let hall = open.get_mut(room.room().room());
             let hall = hall.ok_or(CallError::TooManyViewers)?;
             let here = hall.begun();
@@ -138,12 +146,13 @@ impl Halls {
             let reply = Here {
                 answer: Some(answer),
                 opening: hall.opening.clone(),
-                session,
+                session: session.clone(),
             };
             tokio::spawn(async move {
                 if let Err(error) = stage.serve(place, offer, reply, left).await {
                     log::debug!("a viewer could not join: {error}");
                 }
+                room.left(&session).await;
             });
         }
         let answered = timeout(ANSWER_WITHIN, answered).await;
@@ -179,11 +188,22 @@ impl Halls {
         Ok(source)
     }
 
-    /// Lets a viewer go that says by the server that it has left.
+    /// Lets a viewer go that says by the server that it has left, or whom its sender does not serve any longer.
     pub fn leave(&self, session: &Name) {
-        for hall in self.locked().values_mut() {
+        // With the halls locked none is taken meanwhile.
+        let mut open = self.locked();
+        let mut ended = self.ended();
+        if ended.len() == MOST_ENDED {
+            ended.pop_front();
+        }
+        ended.push_back(session.clone());
+        for hall in open.values_mut() {
             hall.leaving.remove(session);
         }
+    }
+
+    fn ended(&self) -> MutexGuard<'_, VecDeque<Name>> {
+        self.ended.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Viewers that are forwarded to now.

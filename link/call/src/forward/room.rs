@@ -88,6 +88,7 @@ impl AudienceRoom {
                     session,
                     sdp,
                     forwards,
+                    ..
                 } => {
                     // A server's forwarder would need what is sealed, which this one does not do.
                     let place = (!forwards).then(|| stage.place()).flatten();

@@ -36,6 +36,8 @@ pub(super) struct Offer {
     pub(super) sdp: String,
     /// It is of the server's forwarder.
     pub(super) forwards: bool,
+    /// What the server calls the viewer's token.
+    pub(super) token: Option<Name>,
 }
 
 /// What goes to one viewer: as it is, or sealed for a forwarder to hand on.
@@ -95,7 +97,10 @@ impl Shared {
         }
         let own = self.credentials.as_ref();
         let visitor = introduction::admit_viewer(&self.client, own, room, name, &offer.sdp).await?;
-        if let Err(refusal) = self.door.knock(&visitor, crate::now()) {
+        if let Err(refusal) = self
+            .door
+            .knock(&visitor, offer.token.as_ref(), crate::now())
+        {
             return self.refuse(room, name, refusal).await;
         }
         // What is handed over is seen and heard whole.
@@ -114,8 +119,13 @@ impl Shared {
             }),
             None if hands_over && may_be_handed_over => {
                 // Before the answer: the viewer may be removed as soon as it is there.
-                self.door.hand_over(visitor, name.clone());
-                self.refuse(room, name, Refusal::Full).await
+                let is_known = self.door.hand_over(visitor, name.clone());
+                let refusal = if is_known {
+                    Refusal::Full
+                } else {
+                    Refusal::Many
+                };
+                self.refuse(room, name, refusal).await
             }
             None => self.refuse(room, name, Refusal::Many).await,
         }
@@ -184,6 +194,7 @@ pub(super) async fn serve_viewer(
     let Offer {
         sdp: offer,
         forwards,
+        ..
     } = offer;
     let (mut peer, answer) = Peer::answer(plan, shared.channel, offer.clone()).await?;
     let own = shared.credentials.as_ref();

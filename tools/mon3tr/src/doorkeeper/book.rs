@@ -9,8 +9,8 @@ use link_protocol::Name;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
-/// Bytes of the file: three lists of 256, of at most 300 bytes each.
-const LONGEST: u64 = 256 << 10;
+/// Bytes of the file: four lists of 256, of at most 400 bytes each.
+const LONGEST: u64 = 512 << 10;
 
 /// A room's links end before that.
 const FORGOTTEN_AFTER: Duration = Duration::from_secs(40 * 86_400);
@@ -37,17 +37,22 @@ impl Book {
             (rules.ask, "ask"),
             (rules.guests_only, "guests"),
             (rules.locked, "locked"),
+            (rules.known_only, "known"),
         ];
         let flags = flags.into_iter().filter(|(holds, _)| *holds);
         let mut lines: Vec<String> = flags.map(|(_, word)| word.to_owned()).collect();
-        for (word, all) in [("admitted", &rules.admitted), ("removed", &rules.removed)] {
+        for (word, all) in [
+            ("admitted", &rules.admitted),
+            ("entered", &rules.entered),
+            ("removed", &rules.removed),
+        ] {
             lines.extend(all.iter().map(|who| match who {
                 Who::Guest(guest) => format!("{word} guest {guest}"),
                 Who::Key(key) => format!("{word} key {key}"),
             }));
         }
         let invited = rules.invited.iter();
-        lines.extend(invited.map(|(guest, token)| format!("invited {guest} {token}")));
+        lines.extend(invited.map(|guest| format!("invited {guest}")));
         let written = self.0.write(lines);
         written.with_context(|| format!("cannot write {}", self.0.path().display()))
     }
@@ -80,13 +85,11 @@ fn take(rules: &mut DoorRules, line: &str) -> Option<()> {
         ["ask"] => rules.ask = true,
         ["guests"] => rules.guests_only = true,
         ["locked"] => rules.locked = true,
+        ["known"] => rules.known_only = true,
         ["admitted", kind, text] => rules.admitted.push(who(kind, text)?),
+        ["entered", kind, text] => rules.entered.push(who(kind, text)?),
         ["removed", kind, text] => rules.removed.push(who(kind, text)?),
-        ["invited", guest, token] => {
-            rules
-                .invited
-                .push((guest.parse().ok()?, token.parse().ok()?));
-        }
+        ["invited", guest] => rules.invited.push(guest.parse().ok()?),
         _ => return None,
     }
     Some(())
@@ -124,14 +127,17 @@ mod tests {
             name: "Bob the second".parse().expect("a name"),
             expires: 1_900_000_000,
             rights: Rights::ALL,
+            token: "t1".parse().expect("a name"),
         };
         let rules = DoorRules {
             ask: true,
             guests_only: true,
             locked: true,
+            known_only: true,
             admitted: vec![Who::Key(key)],
+            entered: vec![Who::Guest(bob.clone()), Who::Key(key)],
             removed: vec![Who::Guest(bob.clone())],
-            invited: vec![(bob, "t1".parse().expect("a name"))],
+            invited: vec![bob],
         };
         book.write(&rules).expect("written");
         assert_eq!(book.read().expect("read"), rules);

@@ -117,7 +117,11 @@ fn ctrl_c_ends_a_viewer_whose_device_is_busy() {
     std::thread::sleep(Duration::from_secs(2));
     let (status, took, said) = receiver.interrupted();
     println!("ended ({status}) after {took:?}");
-    // Between two pictures it may have noticed by itself.
-    assert!(matches!(status.code(), Some(0 | 130)), "{status}:\n{said}");
-    assert!(took < Duration::from_secs(12), "{took:?}:\n{said}");
+    // Between two pictures it may have noticed by itself, and then says goodbye and writes what it measured.
+    let longest = match status.code() {
+        Some(130) => Duration::from_secs(5),
+        Some(0) => Duration::from_secs(12),
+        _ => panic!("{status}:\n{said}"),
+    };
+    assert!(took < longest, "{took:?}:\n{said}");
 }

@@ -1,7 +1,8 @@
 //! A room's door: newcomers wait to be let in, guests have links of their own, and whoever is sent away stays away.
 
+use crate::audience::frames;
 use crate::command::command;
-use crate::handover::{Hall, ends};
+use crate::handover::{DIRECT, Hall, ends};
 use crate::house::{House, Program};
 use crate::voice::write_wav;
 use identity::Identity;
@@ -101,7 +102,7 @@ fn guests_link(ada: &mut Program, name: &str) -> RoomLink {
     let told = format!("{name} joins with");
     ada.says(&told, 1);
     let said = ada.said();
-    let (_, after) = said.split_once(&told).expect("it was said");
+    let (_, after) = said.rsplit_once(&told).expect("it was said");
     let link = after.split('\'').nth(1).expect("a link in quotes");
     link.parse().expect("a link")
 }
@@ -149,7 +150,7 @@ fn a_guests_link_is_theirs_alone_and_gives_what_it_says() {
     let stranger = joins(&hall, &open.parse().expect("a link"), 13);
     let end = ends(&stranger);
     assert!(
-        matches!(end, CallEvent::Failed(CallError::Refused(Refusal::Guests))),
+        matches!(end, CallEvent::Failed(CallError::Refused(Refusal::Link))),
         "{end:?}"
     );
     let pass = bobs.guest().expect("Bob's").clone();
@@ -182,8 +183,78 @@ fn a_guests_link_is_theirs_alone_and_gives_what_it_says() {
     let before = bob.statistics().frames;
     wait_for("Bob to see more", || bob.statistics().frames > before + 30);
 
-    // One more, for a moment.
-    types(&mut lines, "g Eve");
-    let eve = joins(&hall, &guests_link(&mut ada, "Eve"), 15);
-    wait_for("Eve to see", || eve.statistics().frames > 0);
+    // Another link for the same name is another guest: it pardons nobody.
+    types(&mut lines, "g Zoe,1h");
+    ada.says("Zoe joins with", 2);
+    let again = guests_link(&mut ada, "Zoe");
+    assert_ne!(again, zoes, "a link of its own");
+    let guest = joins(&hall, &again, 15);
+    wait_for("the new guest to see", || guest.statistics().frames > 0);
+    wait_for("the old link to be refused still", refused);
+}
+
+#[test]
+fn a_guests_link_in_an_open_room_is_no_link_to_the_room() {
+    let house = House::open();
+    let (mut ada, mut lines) = performer(&house, &[]);
+    ada.says("Others join with", 1);
+    types(&mut lines, "g Bob,10m,see");
+    let bobs = guests_link(&mut ada, "Bob");
+    let hall = Hall::of(&house);
+    // Without what says who he is, what he may have and until when.
+    let link = bobs.to_string();
+    let (cut, _) = link.split_once(":guest=").expect("a pass");
+    let end = ends(&joins(&hall, &cut.parse().expect("a link"), 16));
+    assert!(
+        matches!(end, CallEvent::Failed(CallError::Refused(Refusal::Link))),
+        "{end:?}"
+    );
+    let bob = joins(&hall, &bobs, 16);
+    wait_for("Bob to see", || bob.statistics().frames > 10);
+    assert_eq!(bob.statistics().voice, 0, "he may only see");
+}
+
+#[test]
+fn whoever_the_server_serves_is_known_until_they_leave_and_can_be_sent_away() {
+    let house = House::open_with(&["--forward"]);
+    let (mut ada, mut lines) = performer(&house, &[]);
+    let link = ada.word_after("mon3tr receive ");
+    let link: RoomLink = link.parse().expect("a link");
+    let hall = Hall::of(&house);
+    let viewers = hall.fill(&link, DIRECT);
+    // Each with a key.
+    let mut served = (0..2).map(|seed| {
+        let viewer = joins(&hall, &link, 20 + seed);
+        house.server_says("forwarding begins in room", 1);
+        assert!(!frames(std::slice::from_ref(&viewer), 30)[0].is_empty());
+        viewer
+    });
+    let (first, second) = (served.next().expect("one"), served.next().expect("one"));
+    types(&mut lines, "w");
+    ada.says("was handed over to the server", 2);
+    // Who has gone is known no longer, though it did not say so to the sender.
+    drop(first);
+    wait_for("the first to be gone", || {
+        let before = count_of(&ada.said(), "was handed over to the server");
+        types(&mut lines, "w");
+        std::thread::sleep(Duration::from_secs(1));
+        count_of(&ada.said(), "was handed over to the server") == before + 1
+    });
+    let said = ada.said();
+    let line = said.lines().rfind(|line| line.contains("was handed over"));
+    let number = line
+        .and_then(|line| line.split(':').next())
+        .expect("a number");
+    types(&mut lines, &format!("x {number}"));
+    ada.says("is sent away, and does not come in again", 1);
+    let end = ends(&second);
+    assert!(
+        matches!(end, CallEvent::Failed(CallError::Refused(Refusal::Removed))),
+        "{end:?}"
+    );
+    drop(viewers);
+}
+
+fn count_of(text: &str, what: &str) -> usize {
+    text.matches(what).count()
 }

@@ -24,7 +24,7 @@ use test_support::service::{self, LONGEST_WAIT, Service, listener};
 use test_support::speech::syllables;
 
 /// What a sender serves itself.
-const DIRECT: usize = 8;
+pub(crate) const DIRECT: usize = 8;
 
 pub(crate) struct Hall<'a> {
     house: &'a House,
@@ -56,7 +56,7 @@ impl<'a> Hall<'a> {
     }
 
     /// So many, one after the other.
-    fn fill(&self, link: &RoomLink, many: usize) -> Vec<Viewer> {
+    pub(crate) fn fill(&self, link: &RoomLink, many: usize) -> Vec<Viewer> {
         let viewers = (0..many).map(|_| {
             let viewer = self.join(link);
             let until = Instant::now() + LONGEST_WAIT;

@@ -2,7 +2,7 @@
 
 use super::senders_room::RoomHere;
 use super::{App, HttpError};
-use crate::forwarding::HandedOver;
+use crate::forwarding::{HandedOver, SendersRoom};
 use crate::rooms::{RoomReply, RoomRequest};
 use crate::token::{Claims, Role, now};
 use crate::{Id, ServerError};
@@ -146,7 +146,11 @@ pub(super) async fn join(
                         session: session.into(),
                         offer,
                     };
-                    forwarding.take(viewer).await
+                    let taken = forwarding.take(viewer).await;
+                    if taken.is_none() {
+                        RoomHere::new(&app, room).left(&session.into()).await;
+                    }
+                    taken
                 }
                 _ => None,
             };

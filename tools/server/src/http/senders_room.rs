@@ -6,6 +6,11 @@ use crate::forwarding::SendersRoom;
 use crate::rooms::{RoomReply, RoomRequest};
 use link_protocol::{Announcement, IceServers, Name};
 use std::sync::{Arc, Weak};
+use std::time::Duration;
+
+/// How often a sender is told at most that someone has left, while it or its instance is busy, and how far apart.
+const LEFT_TRIES: usize = 20;
+const LEFT_AGAIN: Duration = Duration::from_millis(500);
 
 /// One that its sender may leave, and a server that may end.
 #[derive(Debug)]
@@ -65,5 +70,26 @@ impl SendersRoom for RoomHere {
                 None
             }
         }
+    }
+
+    async fn left(&self, session: &Name) {
+        let Some(session) = Id::parse(session.as_str()) else {
+            return;
+        };
+        // A sender has a moment's events before it at most.
+        for _ in 0..LEFT_TRIES {
+            let Some(app) = self.app.upgrade() else {
+                return;
+            };
+            let request = RoomRequest::Leave { session };
+            match app.ask(self.room, request).await {
+                RoomReply::Busy | RoomReply::Unanswered | RoomReply::Unreachable => {
+                    drop(app);
+                    tokio::time::sleep(LEFT_AGAIN).await;
+                }
+                _ => return,
+            }
+        }
+        log::debug!("the sender of room {} is not told who left", self.room);
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::commands::receive::people::{Arrival, Person, fetch};
 use crate::commands::{receive, send};
-use crate::controls::{Controls, Guests, KEYS};
+use crate::controls::{Controls, KEYS, Others};
 use crate::device_options::DeviceOptions;
 use crate::keys;
 use crate::network::{self, Line};
@@ -188,7 +188,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         theirs.map(|member| member.name).next()
     };
     let (admit, newcomers) = channel();
-    let guests = Guests {
+    let others = Others {
         newcomers,
         controls,
     };
@@ -212,19 +212,19 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
                     .map(|(path, download)| Ok((load_others_avatar(&path)?, download)))
                     .transpose()
             };
-            roster.follow(fetched, |guest| {
-                let ((avatar, figures), download) = guest.avatar;
+            roster.follow(fetched, |newcomer| {
+                let ((avatar, figures), download) = newcomer.avatar;
                 let person = Person {
-                    room: guest.room,
-                    announced: guest.announced,
+                    room: newcomer.room,
+                    announced: newcomer.announced,
                     avatar,
                     arrival: Arrival {
-                        name: name_of(&guest.watch),
+                        name: name_of(&newcomer.watch),
                         figures,
                         download,
-                        watch: guest.watch,
+                        watch: newcomer.watch,
                     },
-                    voice: guest.voice,
+                    voice: newcomer.voice,
                 };
                 let mut came = came.lock().unwrap_or_else(PoisonError::into_inner);
                 if came.len() == MOST_ARRIVALS {
@@ -238,7 +238,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         let shown = {
             let _over = SetAtEnd(&line.stop);
             let _unworn = wearer.as_ref().map(|slot| slot.close_at_end());
-            screen.show_call(&show, own, guests, &line.stop)
+            screen.show_call(&show, own, others, &line.stop)
         };
         (sent.join(), shown, figures.join())
     });
@@ -249,7 +249,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     sent.print();
     let joining = Joining::new(begun, seated, &figures, shown.first_picture());
     let came = came.into_inner().unwrap_or_else(PoisonError::into_inner);
-    let (received, outcome) = receive::Report::new(&came, shown, false);
+    let (received, outcome) = receive::Report::new(&came, shown);
     match &received {
         // Every table of every person is more than is read: `--json` has them.
         Some(received) if log::log_enabled!(log::Level::Info) => received.print(),

@@ -31,7 +31,6 @@ use samples::Samples;
 use screen::NO_PICTURES;
 pub(crate) use screen::Screen;
 use std::path::PathBuf;
-use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 /// Options of `receive`.
@@ -193,8 +192,7 @@ fn show(
         }
         let arrivals: Vec<_> = people.into_iter().map(|person| person.arrival).collect();
         sound.map_or(Ok(()), Sound::end)?;
-        let asked_to_end = line.stop.load(Relaxed);
-        return Ok(Report::new(&arrivals, shown, asked_to_end));
+        return Ok(Report::new(&arrivals, shown));
     }
 }
 

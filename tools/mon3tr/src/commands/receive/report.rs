@@ -100,13 +100,7 @@ fn print_measured(measured: &Measured) {
 impl Report {
     /// Of these people, and whether it came to a good end: if all people's calls failed, the last one's trouble is an error. Nothing where none of them was
     /// joined.
-    ///
-    /// Where this side was `asked_to_end`, that it was never let in is no error, but is told.
-    pub(crate) fn new(
-        arrivals: &[Arrival],
-        shown: Shown,
-        asked_to_end: bool,
-    ) -> (Option<Self>, anyhow::Result<()>) {
+    pub(crate) fn new(arrivals: &[Arrival], shown: Shown) -> (Option<Self>, anyhow::Result<()>) {
         let (drawn, calls) = match shown {
             Shown::Undrawn(calls) => {
                 let ended = |call: CallReport| Ended {
@@ -145,14 +139,7 @@ impl Report {
                 None => {
                     let why = figures.received.not_joined.as_ref();
                     let why = why.filter(|_| figures.received.sessions == 0);
-                    let why = why.map(|why| format!("{NEVER_JOINED}: {why}"));
-                    match why {
-                        Some(why) if asked_to_end => {
-                            log::warn!("person {number}'s call ended: {why}");
-                        }
-                        Some(why) => failed.push((number, anyhow!(why))),
-                        None => {}
-                    }
+                    failed.extend(why.map(|why| (number, anyhow!("{NEVER_JOINED}: {why}"))));
                 }
             }
             told.push((person.clone(), figures, ended.measured, ended.left_out));

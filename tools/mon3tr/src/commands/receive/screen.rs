@@ -5,7 +5,7 @@ use super::offscreen::Pictures;
 use super::people::Person;
 use super::samples::Samples;
 use super::{Display, ShowOptions, undrawn};
-use crate::controls::Guests;
+use crate::controls::Others;
 use crate::device_options::{DeviceOptions, compiled, inference_backends, make_folder};
 use crate::flat;
 use crate::gaze::{Gaze, GazeFigures, Sight};
@@ -209,16 +209,16 @@ impl Screen {
         mut self,
         options: &ShowOptions,
         own: Participant,
-        guests: Guests,
+        others: Others,
         stop: &Arc<AtomicBool>,
     ) -> anyhow::Result<Shown> {
         let until = Until::new(stop, None, None);
         if let Self::Undrawn = self {
-            let newcomers = guests.newcomers;
+            let newcomers = others.newcomers;
             let next = iter::from_fn(|| undrawn::next(&newcomers, &until));
             return Ok(Shown::Undrawn(undrawn::run(next, &until)));
         }
-        let mut drawn = self.draw(options, vec![own], Some(guests), None, &until)?;
+        let mut drawn = self.draw(options, vec![own], Some(others), None, &until)?;
         // Only oneself is in no call.
         drawn.session.people.retain(|person| person.watch.is_some());
         Ok(Shown::Drawn(Box::new(drawn)))
@@ -228,13 +228,13 @@ impl Screen {
         &mut self,
         options: &ShowOptions,
         participants: Vec<Participant>,
-        guests: Option<Guests>,
+        others: Option<Others>,
         samples: Option<&mut Samples>,
         until: &Until,
     ) -> anyhow::Result<Drawn> {
         let compiled = compiled()?;
-        let (newcomers, controls) = match guests {
-            Some(Guests {
+        let (newcomers, controls) = match others {
+            Some(Others {
                 newcomers,
                 controls,
             }) => (Some(newcomers), Some(controls)),

@@ -81,4 +81,8 @@ impl Signaling for OwnRoom {
         let (session, sdp) = answer.ok_or(CallError::SenderAbsent)?;
         Ok(Answer { sdp, session })
     }
+
+    async fn left(&self, session: &Name) {
+        self.room.left(session).await;
+    }
 }
