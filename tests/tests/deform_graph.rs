@@ -1,12 +1,12 @@
 //! The deform graph on ONNX Runtime against the f64 reference.
 
 use npu_runtime::Session;
-use spmm3::networks::{AttributeNetwork, GraphParts, MeshNetwork};
+use spmm3::networks::{AttributeNetwork, Dialect, GraphParts, MeshNetwork};
 use spmm3::{ATTRIBUTES, Avatar, SkinningTransforms};
 use std::io::Cursor;
 use synthetic_person::reference;
 use synthetic_person::{Puppet, PuppetSize, Random};
-use test_support::bound_person::session;
+use test_support::bound_person::{session, session_in};
 use test_support::onnx::runtime;
 
 #[test]
@@ -20,10 +20,19 @@ fn making_a_session_leaves_its_threads_arithmetic_unchanged() {
 
 #[test]
 fn the_graph_poses_mesh_and_attributes_as_in_f64() {
+    poses_as_in_f64(Dialect::Package);
+}
+
+#[test]
+fn the_graph_for_nnapi_poses_mesh_and_attributes_as_in_f64() {
+    poses_as_in_f64(Dialect::Nnapi);
+}
+
+fn poses_as_in_f64(dialect: Dialect) {
     let Some(runtime) = runtime() else { return };
     let puppet = Puppet::small();
     let (vertices, gaussians) = (puppet.template.vertices().len(), puppet.gaussians.len());
-    let mut session = session(&runtime, &puppet.avatar(), GraphParts::Whole);
+    let mut session = session_in(&runtime, &puppet.avatar(), GraphParts::Whole, dialect);
     let mut outputs = session.outputs().expect("memory for them");
     let rest = puppet.skeleton.rest_positions();
     let (mut worst_vertex, mut largest_offset) = (0.0f64, 0.0f64);

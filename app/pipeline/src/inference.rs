@@ -2,9 +2,11 @@
 
 use crate::compiled_sources::CompiledSources;
 use crate::error::ReceiverError;
-use npu_runtime::{Graph, Landing, Origin, Outputs, Provider, Runtime, Session, TensorSpec};
+use npu_runtime::{
+    Graph, Landing, Origin, Outputs, Provider, ProviderKind, Runtime, Session, TensorSpec,
+};
 use serde::Serialize;
-use spmm3::networks::{GraphParts, Port};
+use spmm3::networks::{Dialect, GraphParts, Port};
 use spmm3::{Avatar, MotionParams, SkinningTransforms};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -253,7 +255,11 @@ fn session(
         let spec = |(name, shape): &Port| TensorSpec::new(name, shape);
         ports.iter().map(spec).collect()
     };
-    let onnx = avatar.graph(graph)?;
+    let dialect = match provider.kind() {
+        ProviderKind::Nnapi => Dialect::Nnapi,
+        ProviderKind::Qnn | ProviderKind::Xnnpack | ProviderKind::Cpu => Dialect::Package,
+    };
+    let onnx = avatar.graph(graph, dialect)?;
     let precompiled = compiled.of_package(avatar, graph, provider);
     let form = Graph {
         onnx: &onnx,

@@ -4,14 +4,15 @@
 //! computes constants when it loads. So the graph is compared, part by part, with what the writer would write; there is no second
 //! description of the graph to keep up to date.
 
-use super::graph::{Sink, head};
+use super::graph::head;
 use super::inspect::Stored;
 use super::inspect::check_tensor;
 use super::inspect::find_graph;
 use super::wire::Checked;
 use super::wire::refuse;
 use super::wire::{Fields, Value};
-use super::{AttributeNetwork, DeformGraph, GraphParts, GraphRefused, MeshNetwork};
+use super::writer::Sink;
+use super::{AttributeNetwork, DeformGraph, Dialect, GraphParts, GraphRefused, MeshNetwork};
 use crate::{Controllers, Template};
 use onnx_schema::{Node, Tensor};
 use prost::Message;
@@ -43,7 +44,7 @@ impl DeformGraph<'_> {
             mesh: &mesh,
             attributes: &attributes,
         };
-        expected.write(GraphParts::Whole, &mut comparison);
+        expected.write(GraphParts::Whole, Dialect::Package, &mut comparison);
         comparison.finish()
     }
 }

@@ -4,10 +4,11 @@
 //! the Hexagon NPU run whole. Stored FP16 and 8-bit weights are widened by constant nodes, which ONNX Runtime folds when
 //! it loads the graph, so that they cost nothing per frame.
 
-use super::parts::{GraphParts, GraphSizes, Port, input, output};
-use super::{AttributeNetwork, Dense, MeshNetwork};
+use super::parts::{Dialect, GraphParts, GraphSizes, Port, input, output};
+use super::writer::{Sink, Writer, dim};
+use super::{AttributeNetwork, MeshNetwork};
 use crate::{ATTRIBUTES, Controllers, JOINTS, NEIGHBOURS, PersonError, Template};
-use onnx_schema::{Attribute, Graph, Model, Node, OperatorSet, Tensor, ValueInfo, data_type};
+use onnx_schema::{Attribute, Graph, Model, OperatorSet, ValueInfo};
 use prost::Message;
 
 const OPSET: i64 = 17;
@@ -32,6 +33,14 @@ impl DeformGraph<'_> {
     /// # Errors
     /// If the networks do not fit the template, the controllers or each other.
     pub fn to_onnx(&self, parts: GraphParts) -> Result<Vec<u8>, PersonError> {
+        self.to_onnx_in(parts, Dialect::Package)
+    }
+
+    /// The same by the operators of a dialect.
+    ///
+    /// # Errors
+    /// As [`Self::to_onnx`].
+    pub fn to_onnx_in(&self, parts: GraphParts, dialect: Dialect) -> Result<Vec<u8>, PersonError> {
         let vertices = self.template.vertices().len();
         let gaussians = self.controllers.neighbours().len();
         self.mesh.check(vertices)?;
@@ -56,7 +65,7 @@ impl DeformGraph<'_> {
             input: info(&ports.inputs),
             output: info(&ports.outputs),
         };
-        self.write(parts, &mut graph);
+        self.write(parts, dialect, &mut graph);
         let model = Model {
             graph: Some(graph),
             ..head()
@@ -65,8 +74,8 @@ impl DeformGraph<'_> {
     }
 
     /// Hands every node and every stored tensor to `sink`, in the file's order. The networks fit each other.
-    pub(super) fn write(&self, parts: GraphParts, sink: &mut dyn Sink) {
-        let mut writer = Writer { sink };
+    pub(super) fn write(&self, parts: GraphParts, dialect: Dialect, sink: &mut dyn Sink) {
+        let mut writer = Writer { sink, dialect };
         let w = &mut writer;
         if parts == GraphParts::Networks {
             self.canonical_vertices(w, output::CANONICAL_VERTICES);
@@ -152,13 +161,26 @@ impl DeformGraph<'_> {
 
         let units = w.dense("attr.first", input::MOTION, &network.first);
         let units = w.silu("attr.first", &units);
-        let shape = w.int64("attr.rows.shape", &[controllers, 1, hidden]);
-        let rows = w.op("Reshape", "attr.rows", &[&units, &shape], &[]);
         let second = w.half(
             "attr.second.weights",
             &[controllers, hidden, bases],
             &network.second,
         );
+        if w.dialect == Dialect::Nnapi {
+            let shape = w.int64("attr.rows.shape", &[controllers, hidden, 1]);
+            let rows = w.op("Reshape", "attr.rows", &[&units, &shape], &[]);
+            let second = w.times("attr.second.weights", &second, hidden);
+            let products = w.op("Mul", "attr.second.products", &[&rows, &second], &[]);
+            let potentials = w.mean("attr.second.product", &products);
+            let bias = w.float(
+                "attr.second.bias",
+                &[controllers, bases],
+                &network.second_bias,
+            );
+            return w.op_named("Add", out, &[&potentials, &bias], &[]);
+        }
+        let shape = w.int64("attr.rows.shape", &[controllers, 1, hidden]);
+        let rows = w.op("Reshape", "attr.rows", &[&units, &shape], &[]);
         let potentials = w.op("MatMul", "attr.second.product", &[&rows, &second], &[]);
         let bias = w.float(
             "attr.second.bias",
@@ -221,8 +243,15 @@ impl DeformGraph<'_> {
         );
         let units = w.float("attr.bases.units", &[attributes, 1, 1], quantised.units());
         let scales = w.op("Mul", "attr.bases.scaled", &[&scales, &units], &[]);
-        let full = w.op("Mul", "attr.bases", &[&values, &scales], &[]);
+        let mut full = w.op("Mul", "attr.bases", &[&values, &scales], &[]);
+        if w.dialect == Dialect::Nnapi {
+            full = w.times("attr.bases", &full, bases);
+        }
         let weighed = w.op("Mul", "attr.weighed", &[&full, &force], &[]);
+        if w.dialect == Dialect::Nnapi {
+            w.mean_named(output::RESIDUALS, &weighed);
+            return;
+        }
         let axes = w.int64("attr.axes", &[1]);
         w.op_named(
             "ReduceSum",
@@ -231,11 +260,6 @@ impl DeformGraph<'_> {
             &[Attribute::int("keepdims", 0)],
         );
     }
-}
-
-/// Sizes in this crate stay far below `i64::MAX`.
-fn dim(size: usize) -> i64 {
-    i64::try_from(size).unwrap_or(i64::MAX)
 }
 
 /// The model around the graph.
@@ -248,132 +272,5 @@ pub(super) fn head() -> Model {
             domain: Some(String::new()),
             version: Some(OPSET),
         }],
-    }
-}
-
-/// Receives the parts of a graph: to write them, or to compare another graph with them.
-pub(super) trait Sink {
-    fn node(&mut self, node: Node);
-    fn tensor(&mut self, tensor: Tensor);
-}
-
-impl Sink for Graph {
-    fn node(&mut self, node: Node) {
-        self.node.push(node);
-    }
-
-    fn tensor(&mut self, tensor: Tensor) {
-        self.initializer.push(tensor);
-    }
-}
-
-/// Makes nodes and stored tensors; every method returns the name of the value it made.
-struct Writer<'s> {
-    sink: &'s mut dyn Sink,
-}
-
-impl Writer<'_> {
-    fn op(&mut self, op: &str, name: &str, inputs: &[&str], attributes: &[Attribute]) -> String {
-        self.op_named(op, &format!("{name}.out"), inputs, attributes)
-    }
-
-    fn op_named(
-        &mut self,
-        op: &str,
-        output: &str,
-        inputs: &[&str],
-        attributes: &[Attribute],
-    ) -> String {
-        self.sink.node(Node {
-            input: inputs.iter().map(|i| (*i).to_owned()).collect(),
-            output: vec![output.to_owned()],
-            name: Some(format!("{output}.{op}")),
-            op_type: Some(op.to_owned()),
-            attribute: attributes.to_vec(),
-            ..Node::default()
-        });
-        output.to_owned()
-    }
-
-    fn dense(&mut self, name: &str, x: &str, layer: &Dense) -> String {
-        let (inputs, outputs) = (dim(layer.inputs()), dim(layer.outputs()));
-        let weights = self.half(
-            &format!("{name}.weights"),
-            &[inputs, outputs],
-            layer.weights(),
-        );
-        let bias = self.float(&format!("{name}.bias"), &[outputs], layer.bias());
-        self.op("Gemm", name, &[x, &weights, &bias], &[])
-    }
-
-    fn silu(&mut self, name: &str, x: &str) -> String {
-        let gate = self.op("Sigmoid", &format!("{name}.gate"), &[x], &[]);
-        self.op("Mul", &format!("{name}.silu"), &[x, &gate], &[])
-    }
-
-    /// Rows `from..to` of a matrix.
-    fn slice(&mut self, name: &str, x: &str, from: i64, to: i64) -> String {
-        let starts = self.int64(&format!("{name}.from"), &[from]);
-        let ends = self.int64(&format!("{name}.to"), &[to]);
-        let axes = self.int64(&format!("{name}.axis"), &[0]);
-        self.op("Slice", name, &[x, &starts, &ends, &axes], &[])
-    }
-
-    fn tensor(&mut self, name: &str, kind: i32, dims: &[i64], raw: Vec<u8>) -> String {
-        self.sink.tensor(Tensor {
-            dims: dims.to_vec(),
-            data_type: Some(kind),
-            name: Some(name.to_owned()),
-            raw_data: Some(raw),
-            ..Tensor::default()
-        });
-        name.to_owned()
-    }
-
-    fn float(&mut self, name: &str, dims: &[i64], values: &[f32]) -> String {
-        self.tensor(
-            name,
-            data_type::FLOAT,
-            dims,
-            values.iter().flat_map(|v| v.to_le_bytes()).collect(),
-        )
-    }
-
-    fn int32(&mut self, name: &str, dims: &[i64], values: &[i32]) -> String {
-        self.tensor(
-            name,
-            data_type::INT32,
-            dims,
-            values.iter().flat_map(|v| v.to_le_bytes()).collect(),
-        )
-    }
-
-    /// A one-dimensional list of 64-bit integers: a shape or slice bound.
-    fn int64(&mut self, name: &str, values: &[i64]) -> String {
-        let raw = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        self.tensor(name, data_type::INT64, &[dim(values.len())], raw)
-    }
-
-    /// FP16 constants, widened to FP32.
-    fn half(&mut self, name: &str, dims: &[i64], values: &[half::f16]) -> String {
-        let raw = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        let stored = self.tensor(name, data_type::FLOAT16, dims, raw);
-        self.widened(name, &stored)
-    }
-
-    /// 8-bit constants, widened to FP32.
-    fn int8(&mut self, name: &str, dims: &[i64], values: &[i8]) -> String {
-        let stored = self.tensor(
-            name,
-            data_type::INT8,
-            dims,
-            bytemuck::cast_slice(values).to_vec(),
-        );
-        self.widened(name, &stored)
-    }
-
-    fn widened(&mut self, name: &str, stored: &str) -> String {
-        let to = [Attribute::int("to", i64::from(data_type::FLOAT))];
-        self.op("Cast", &format!("{name}.f32"), &[stored], &to)
     }
 }

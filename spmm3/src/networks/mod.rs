@@ -12,6 +12,7 @@ mod mesh;
 mod parts;
 mod stored;
 mod wire;
+mod writer;
 
 pub use attributes::{AttributeNetwork, QuantisedBases};
 pub use compare::MAX_NUMBERS;
@@ -21,5 +22,5 @@ pub use graph::DeformGraph;
 pub use inspect::GraphSignature;
 pub use layer::Dense;
 pub use mesh::{MeshNetwork, QuantisedDecoder};
-pub use parts::{GraphParts, GraphPorts, GraphSizes, Port, input, output};
+pub use parts::{Dialect, GraphParts, GraphPorts, GraphSizes, Port, input, output};
 pub use wire::GraphRefused;

@@ -13,6 +13,17 @@ pub enum GraphParts {
     Networks,
 }
 
+/// By which operators a graph computes its parts. The numbers are the same to within rounding; inputs, outputs and their shapes are the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Dialect {
+    /// What a package holds, and what every provider but NNAPI takes.
+    #[default]
+    Package,
+    /// What NNAPI's graph builder in ONNX Runtime takes whole: it has no ReduceSum, and takes a batched MatMul apart into four operations for each of the
+    /// batch's members, with weights that are computed, which few drivers have. Both are means times a number that is folded into a constant.
+    Nnapi,
+}
+
 /// An input or output: its name and its static shape, float.
 pub type Port = (&'static str, [usize; 2]);
 

@@ -2,20 +2,24 @@
 
 use super::{Avatar, PackageError};
 use crate::networks::{
-    AttributeNetwork, DeformGraph, GraphParts, GraphSignature, GraphSizes, MeshNetwork,
+    AttributeNetwork, DeformGraph, Dialect, GraphParts, GraphSignature, GraphSizes, MeshNetwork,
 };
 use std::borrow::Cow;
 
 impl Avatar {
-    /// These parts of the deform graph as an ONNX model.
+    /// These parts of the deform graph as an ONNX model of this dialect.
     ///
-    /// The whole graph is the package's own, borrowed. Others are written from networks read back out of it, which takes
+    /// The whole graph in the package's dialect is the package's own, borrowed. Others are written from networks read back out of it, which takes
     /// about twice the package's size of memory while it lasts; keep the result as briefly as the runtime needs it.
     ///
     /// # Errors
     /// If the graph does not hold the networks in our form, which [`Self::load`] makes sure of.
-    pub fn graph(&self, parts: GraphParts) -> Result<Cow<'_, [u8]>, PackageError> {
-        if parts == GraphParts::Whole {
+    pub fn graph(
+        &self,
+        parts: GraphParts,
+        dialect: Dialect,
+    ) -> Result<Cow<'_, [u8]>, PackageError> {
+        if (parts, dialect) == (GraphParts::Whole, Dialect::Package) {
             return Ok(Cow::Borrowed(&self.deform_graph));
         }
         let (mesh, attributes) = (self.mesh_network()?, self.attribute_network()?);
@@ -26,7 +30,7 @@ impl Avatar {
             attributes: &attributes,
         };
         graph
-            .to_onnx(parts)
+            .to_onnx_in(parts, dialect)
             .map(Cow::Owned)
             .map_err(PackageError::graph_contents)
     }

@@ -2,7 +2,7 @@
 
 use npu_runtime::{Outputs, Provider, Runtime, Session, TensorSpec};
 use renderer_splat::posing::{BoundMesh, BoundMeshParts, PosedInput};
-use spmm3::networks::{GraphParts, Port, QuantisedBases};
+use spmm3::networks::{Dialect, GraphParts, Port, QuantisedBases};
 use spmm3::{
     Avatar, BoundGaussians, Controllers, JOINTS, MotionParams, SkinningTransforms, Template,
 };
@@ -62,6 +62,20 @@ pub fn avatar_mesh(avatar: &Avatar) -> BoundMesh {
 /// If ONNX Runtime does not take them.
 #[must_use]
 pub fn session(runtime: &Runtime, avatar: &Avatar, parts: GraphParts) -> Session {
+    session_in(runtime, avatar, parts, Dialect::Package)
+}
+
+/// The same in a dialect.
+///
+/// # Panics
+/// As [`session`].
+#[must_use]
+pub fn session_in(
+    runtime: &Runtime,
+    avatar: &Avatar,
+    parts: GraphParts,
+    dialect: Dialect,
+) -> Session {
     let ports = parts.ports(&avatar.graph_sizes().expect("our graph"));
     let specs = |ports: &[Port]| -> Vec<TensorSpec> {
         let spec = |(name, shape): &Port| TensorSpec::new(name, shape);
@@ -69,7 +83,9 @@ pub fn session(runtime: &Runtime, avatar: &Avatar, parts: GraphParts) -> Session
     };
     Session::new(
         runtime,
-        &*avatar.graph(parts).expect("the networks come back"),
+        &*avatar
+            .graph(parts, dialect)
+            .expect("the networks come back"),
         Provider::Cpu { threads: 2 },
         &specs(&ports.inputs),
         &specs(&ports.outputs),

@@ -4,7 +4,7 @@ use app_kernels::state::{GaussianState, plane};
 use app_kernels::{Attributes, PoseInputs, Poser, Skinner};
 use glam::{Quat, Vec3};
 use npu_runtime::{Provider, Runtime, Session, TensorSpec};
-use spmm3::networks::{GraphParts, Port};
+use spmm3::networks::{Dialect, GraphParts, Port};
 use spmm3::{Avatar, GaussianSet, MotionParams, PlanarVertices, SH_C0, SkinningTransforms};
 use synthetic_person::Random;
 
@@ -19,7 +19,9 @@ fn run(
     let spec = |(name, shape): &Port| TensorSpec::new(name, shape);
     let mut session = Session::new(
         runtime,
-        &avatar.graph(parts).expect("the networks come back"),
+        &avatar
+            .graph(parts, Dialect::Package)
+            .expect("the networks come back"),
         Provider::Cpu { threads: 2 },
         &ports.inputs.iter().map(spec).collect::<Vec<_>>(),
         &ports.outputs.iter().map(spec).collect::<Vec<_>>(),

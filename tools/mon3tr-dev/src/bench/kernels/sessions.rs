@@ -3,7 +3,7 @@
 use super::turns::{Comparison, Touching, by_turns};
 use mon3tr::device_options::DeviceOptions;
 use npu_runtime::{Outputs, Provider, Runtime, Session, TensorSpec};
-use spmm3::networks::{GraphParts, Port};
+use spmm3::networks::{Dialect, GraphParts, Port};
 use spmm3::{Avatar, JOINTS, SkinningTransforms};
 
 const PARTS: [(GraphParts, &str); 3] = [
@@ -33,7 +33,7 @@ impl Sessions {
             let spec = |(name, shape): &Port| TensorSpec::new(name, shape);
             let mut session = Session::new(
                 runtime,
-                &*avatar.graph(parts)?,
+                &*avatar.graph(parts, Dialect::Package)?,
                 Provider::Cpu {
                     threads: DeviceOptions::threads(),
                 },
