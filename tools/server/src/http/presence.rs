@@ -85,6 +85,7 @@ pub(super) async fn enter(
         app: Arc::clone(&app),
         headers,
         room,
+        token: claims.name,
         expires: claims.expires,
         tell_ice: Instant::now(),
     };
@@ -128,6 +129,8 @@ struct EventStream {
     /// Of the request, which say by what name the sender reaches this server.
     headers: HeaderMap,
     room: Id,
+    /// What the sender's token is called.
+    token: Id,
     /// As [`Self::ends`], Unix seconds.
     expires: u64,
     /// When the sender is told the STUN and TURN servers next.
@@ -166,6 +169,8 @@ impl EventStream {
                     sse(&PresenceEvent::Replaced)
                 }
                 () = self.stopping.cancelled() => return None,
+                // Who has no right to the room any more is to hear of nobody in it, nor to keep others out.
+                () = self.app.revoked.until(self.token) => return None,
                 () = tokio::time::sleep_until(self.ends) => return None,
                 () = tokio::time::sleep_until(self.tell_ice), if self.app.ice.has_any() => {
                     self.tell_ice = Instant::now() + TELL_ICE_EVERY;

@@ -9,6 +9,7 @@ mod link_client;
 mod owners;
 mod packages;
 mod processes;
+mod revoked;
 mod rooms;
 mod scale_out;
 mod support;
