@@ -5,6 +5,7 @@ use super::rooms::{random, room_of};
 use super::{App, HttpError};
 use crate::Id;
 use crate::ice::TELL_ICE_EVERY;
+use crate::packages::Shelf;
 use crate::rooms::{NotEntered, PresenceGuard, RoomReply, RoomRequest, is_of_another};
 use crate::token::{Claims, Role, now};
 use axum::body::Bytes;
@@ -53,7 +54,7 @@ pub(super) async fn enter(
     if claims.role == Role::Member {
         check_seat(&app, room, &sender).await?;
     }
-    let size = app.packages.size(claims.owner, avatar.sha256);
+    let size = app.packages.size(Shelf::of(&claims), avatar.sha256);
     match tokio::time::timeout(ANNOUNCED_WITHIN, size).await {
         Err(_) => return Err(HttpError::StoreSlow),
         Ok(Err(e)) => return Err(e.into()),

@@ -6,6 +6,7 @@ mod calls;
 mod child;
 mod ice;
 mod link_client;
+mod members;
 mod owners;
 mod packages;
 mod processes;
