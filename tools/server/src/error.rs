@@ -39,6 +39,15 @@ pub enum ServerError {
         #[source]
         source: std::io::Error,
     },
+    /// The list of revoked tokens has no room for another one.
+    #[error(
+        "{} lists as many revoked tokens as a server reads, 1 MiB of names: remove those that have expired, the oldest of which come first (a link's token holds for 30 days at most), and try again",
+        path.display()
+    )]
+    RevokedFull {
+        /// The file.
+        path: PathBuf,
+    },
     /// The system gives no random numbers.
     #[error("the system gives no random numbers: {reason}")]
     Random {

@@ -25,9 +25,18 @@ impl Id {
 
     /// The owner of this name. Equal names are the same owner on every instance, whatever its secret.
     pub fn of_owner(name: &str) -> Self {
+        Self::derived(b"mon3tr owner\0", name.as_bytes())
+    }
+
+    /// Under which the store keeps what the members of this owner's calls have put.
+    pub(crate) fn of_members(owner: Self) -> Self {
+        Self::derived(b"mon3tr members of\0", &owner.0)
+    }
+
+    fn derived(purpose: &[u8], from: &[u8]) -> Self {
         let digest = Sha256::new()
-            .chain_update(b"mon3tr owner\0")
-            .chain_update(name.as_bytes())
+            .chain_update(purpose)
+            .chain_update(from)
             .finalize();
         let mut bytes = [0; 16];
         bytes.copy_from_slice(&digest[..16]);

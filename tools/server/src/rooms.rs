@@ -5,10 +5,10 @@ use crate::Id;
 use crate::metrics::Metrics;
 use link_protocol::calls::EnterRoom;
 use link_protocol::presence::PresenceEvent;
-use link_protocol::{Announcement, Name, PersonName};
+use link_protocol::{Announcement, Name, PackageId, PersonName};
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
 use std::collections::hash_map::Entry;
+use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::{mpsc, oneshot};
@@ -288,6 +288,15 @@ impl Rooms {
     /// The room's sender, if it is connected here.
     pub(crate) fn presence(&self, room: Id) -> Option<Arc<Presence>> {
         lock(&self.present).get(&room).cloned()
+    }
+
+    /// The avatars that are shown in this owner's rooms here.
+    pub(crate) fn shown(&self, owner: Id) -> HashSet<PackageId> {
+        let present = lock(&self.present);
+        let of_owner = present.values().filter(|p| p.owner == owner);
+        of_owner
+            .map(|p| p.sender.announcement.avatar.sha256)
+            .collect()
     }
 
     fn count(&self, present: &HashMap<Id, Arc<Presence>>) {

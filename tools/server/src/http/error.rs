@@ -59,7 +59,7 @@ pub(crate) enum HttpError {
     NoOccupant,
     #[error("a sender may revoke the tokens of {MAX_REVOKED} viewers")]
     Revoked,
-    #[error("this call's members have put {most} packages, and may put no more; its owner may")]
+    #[error("this call's members have put {most} packages, and may put no more")]
     CallUploads { most: u32 },
 
     #[error(transparent)]

@@ -1,4 +1,4 @@
-//! How many packages the members of a call may put into its owner's store, who trusts them with that much and no more.
+//! How many packages the members of a call may put: what they put takes the place of what others of the owner's calls have put, and costs the server time.
 
 use super::HttpError;
 use crate::Id;

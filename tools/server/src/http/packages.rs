@@ -4,7 +4,7 @@ use super::guard::discard;
 use super::member_uploads::MemberUpload;
 use super::rooms::{refused, viewer_of};
 use super::{App, HttpError};
-use crate::packages::{ByteRange, Conditions, Owned, UploadError};
+use crate::packages::{ByteRange, Conditions, Owned, Shelf, UploadError};
 use crate::rooms::{RoomReply, RoomRequest};
 use crate::token::{Claims, Role, now};
 use axum::Json;
@@ -38,13 +38,14 @@ pub(super) async fn store(
             return Err(refusal);
         }
     };
+    let shelf = Shelf::of(&claims);
     let declared = request.headers().get(header::CONTENT_LENGTH);
     let declared = declared.and_then(|value| value.to_str().ok()?.parse().ok());
     let mut body = request.into_body().into_data_stream();
     let whole = async {
         let upload = app
             .packages
-            .receive(claims.owner, hash, declared, &mut body)
+            .receive(shelf, hash, declared, &mut body)
             .await?;
         Ok(upload)
     };
@@ -56,7 +57,8 @@ pub(super) async fn store(
         // Once it is whole it is stored, even if the client does not wait for it.
         Ok(upload) => {
             let keep = async move {
-                let stored = app_again.packages.keep(claims.owner, upload).await;
+                let shown = app_again.rooms.shown(claims.owner);
+                let stored = app_again.packages.keep(shelf, upload, &shown).await;
                 if let (Ok(_), Some(counted)) = (&stored, counted) {
                     counted.stored();
                 }
@@ -90,18 +92,18 @@ pub(super) async fn store(
 enum MayPut {
     /// This one; a member's is counted.
     Package(PackageId, Option<MemberUpload>),
-    /// Nothing: the owner has it.
+    /// Nothing: it is there.
     IsThere,
 }
 
-/// An owner may put any package, a call's member so many that the owner does not have yet.
+/// An owner may put any package, a call's member so many that are not there yet.
 async fn may_put(app: &App, claims: &Claims, hash: &str) -> Result<MayPut, HttpError> {
     let hash = hash.parse().map_err(|_| HttpError::NotFound)?;
     if !matches!(claims.role, Role::Owner | Role::Member) {
         return Err(HttpError::NotFound);
     }
     // What was checked once is neither received nor checked again.
-    if in_time(app.packages.size(claims.owner, hash))
+    if in_time(app.packages.size(Shelf::of(claims), hash))
         .await?
         .is_some()
     {
@@ -170,7 +172,7 @@ pub(super) async fn read(
 ) -> Result<Response, HttpError> {
     let hash = hash.parse::<PackageId>().ok().ok_or(HttpError::NotFound)?;
     may_read(&app, &claims, hash, &method).await?;
-    let size = in_time(app.packages.size(claims.owner, hash))
+    let size = in_time(app.packages.size(Shelf::of(&claims), hash))
         .await?
         .ok_or(HttpError::NotFound)?;
     let whole = ByteRange {
@@ -231,6 +233,8 @@ struct PackageList {
     most: usize,
     /// The most bytes of all of them.
     most_bytes: u64,
+    /// What the members of the owner's calls have put, beside these and within the same bounds.
+    members: Vec<Owned>,
 }
 
 pub(super) async fn list(
@@ -241,9 +245,10 @@ pub(super) async fn list(
         return Err(HttpError::NotFound);
     }
     let list = PackageList {
-        packages: in_time(app.packages.owned(claims.owner)).await?,
+        packages: in_time(app.packages.owned(Shelf::Own(claims.owner))).await?,
         most: app.limits.packages_per_owner,
         most_bytes: app.limits.bytes_per_owner,
+        members: in_time(app.packages.owned(Shelf::Members(claims.owner))).await?,
     };
     let no_store = [(header::CACHE_CONTROL, HeaderValue::from_static("no-store"))];
     Ok((no_store, Json(list)).into_response())
@@ -259,7 +264,11 @@ pub(super) async fn remove(
         .ok()
         .filter(|_| claims.role == Role::Owner)
         .ok_or(HttpError::NotFound)?;
-    if in_time(app.packages.remove(claims.owner, hash)).await? {
+    let mut was_there = false;
+    for shelf in [Shelf::Own(claims.owner), Shelf::Members(claims.owner)] {
+        was_there |= in_time(app.packages.remove(shelf, hash)).await?;
+    }
+    if was_there {
         log::info!("package {hash} is removed for one owner");
         Ok(StatusCode::NO_CONTENT)
     } else {

@@ -5,6 +5,7 @@ use super::rooms::{random, room_of};
 use super::{App, HttpError};
 use crate::Id;
 use crate::ice::TELL_ICE_EVERY;
+use crate::packages::Shelf;
 use crate::rooms::{NotEntered, PresenceGuard, RoomReply, RoomRequest, is_of_another};
 use crate::token::{Claims, Role, now};
 use axum::body::Bytes;
@@ -53,7 +54,7 @@ pub(super) async fn enter(
     if claims.role == Role::Member {
         check_seat(&app, room, &sender).await?;
     }
-    let size = app.packages.size(claims.owner, avatar.sha256);
+    let size = app.packages.size(Shelf::of(&claims), avatar.sha256);
     match tokio::time::timeout(ANNOUNCED_WITHIN, size).await {
         Err(_) => return Err(HttpError::StoreSlow),
         Ok(Err(e)) => return Err(e.into()),
@@ -85,6 +86,7 @@ pub(super) async fn enter(
         app: Arc::clone(&app),
         headers,
         room,
+        token: claims.name,
         expires: claims.expires,
         tell_ice: Instant::now(),
     };
@@ -128,6 +130,8 @@ struct EventStream {
     /// Of the request, which say by what name the sender reaches this server.
     headers: HeaderMap,
     room: Id,
+    /// What the sender's token is called.
+    token: Id,
     /// As [`Self::ends`], Unix seconds.
     expires: u64,
     /// When the sender is told the STUN and TURN servers next.
@@ -166,6 +170,8 @@ impl EventStream {
                     sse(&PresenceEvent::Replaced)
                 }
                 () = self.stopping.cancelled() => return None,
+                // Who has no right to the room any more is to hear of nobody in it, nor to keep others out.
+                () = self.app.revoked.until(self.token) => return None,
                 () = tokio::time::sleep_until(self.ends) => return None,
                 () = tokio::time::sleep_until(self.tell_ice), if self.app.ice.has_any() => {
                     self.tell_ice = Instant::now() + TELL_ICE_EVERY;

@@ -156,7 +156,10 @@ pub(super) async fn join(
             };
             // Else the viewer is told that there are too many.
             let sdp = handed_over.unwrap_or(sdp);
-            app.metrics.viewers_joined.inc();
+            // Who waits to be let in is refused every other second.
+            if Refusal::read(&sdp).is_none() {
+                app.metrics.viewers_joined.inc();
+            }
             let headers = [
                 (header::CONTENT_TYPE, SDP_MEDIA_TYPE.to_owned()),
                 (header::CACHE_CONTROL, "no-store".to_owned()),

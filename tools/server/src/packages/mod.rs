@@ -1,7 +1,7 @@
 //! The avatar store: packages by their hash, and records of the owners that put them.
 //!
-//! `packages/HASH` are the bytes, `records/HASH/OWNER` says that this owner put them, `owned/OWNER/HASH.BYTES` the same for who looks by
-//! owner. An avatar is a person's likeness: an owner can read it only through a record. The record is written before the bytes and removed
+//! `packages/HASH` are the bytes, `records/HASH/OWNER` says that this owner put them, `owned/OWNER/HASH.BYTES.PUT` the same for who looks by
+//! owner; all that the members of an owner's calls put has an owner's name of its own ([`Shelf`]). An avatar is a person's likeness: an owner can read it only through a record. The record is written before the bytes and removed
 //! before them, so bytes without a record are always left over from something that died, and are swept at start; a record
 //! without bytes is nothing, until its owner puts the package again.
 
@@ -9,11 +9,13 @@ mod locks;
 mod owned;
 mod places;
 mod range;
+mod shelf;
 mod store;
 mod upload;
 
 pub(crate) use owned::Owned;
 pub(crate) use range::{ByteRange, Conditions};
+pub(crate) use shelf::Shelf;
 pub(crate) use store::{Content, StoreError};
 pub(crate) use upload::UploadError;
 
@@ -94,8 +96,16 @@ impl Packages {
         })
     }
 
-    /// Bytes of the package, if `owner` put it.
-    pub(crate) async fn size(&self, owner: Id, hash: PackageId) -> Result<Option<u64>, StoreError> {
+    /// Bytes of the package, if it is on this shelf.
+    pub(crate) async fn size(
+        &self,
+        shelf: Shelf,
+        hash: PackageId,
+    ) -> Result<Option<u64>, StoreError> {
+        self.size_of(shelf.id(), hash).await
+    }
+
+    async fn size_of(&self, owner: Id, hash: PackageId) -> Result<Option<u64>, StoreError> {
         if self.store.size(&record(hash, owner)).await?.is_none() {
             return Ok(None);
         }
@@ -111,15 +121,14 @@ impl Packages {
         self.store.read(&package(hash), part).await
     }
 
-    /// Removes the owner's record, and the bytes if no other owner's record is left. False if there was no record.
-    pub(crate) async fn remove(&self, owner: Id, hash: PackageId) -> Result<bool, StoreError> {
+    /// Removes the shelf's record, and the bytes if no other record is left. False if there was no record.
+    pub(crate) async fn remove(&self, shelf: Shelf, hash: PackageId) -> Result<bool, StoreError> {
         let _lock = self.hashes.lock(hash).await;
-        let record = record(hash, owner);
-        if self.store.size(&record).await?.is_none() {
+        let owner = shelf.id();
+        if self.store.size(&record(hash, owner)).await?.is_none() {
             return Ok(false);
         }
         self.disown(owner, hash).await?;
-        self.store.delete(&record).await?;
         self.remove_unowned(hash).await?;
         Ok(true)
     }

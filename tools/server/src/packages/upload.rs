@@ -5,14 +5,16 @@
 use super::locks::Held;
 use super::owned::OverQuota;
 use super::places::Place;
-use super::{Owned, Packages, StoreError, package, record};
+use super::{Owned, Packages, Shelf, StoreError, package, record};
 use crate::Id;
 use crate::metrics::UploadRefusal;
+use crate::token::now;
 use bytes::Bytes;
 use futures_util::{Stream, StreamExt};
 use link_protocol::PackageId;
 use link_protocol::package_id::PackageHasher;
 use spmm3::{Avatar, PackageError};
+use std::collections::HashSet;
 use std::io::{BufReader, ErrorKind, Seek};
 use std::time::Duration;
 use tokio::io::AsyncWriteExt;
@@ -91,7 +93,7 @@ impl Packages {
     /// Receives an upload of `declared` bytes, if the client declared a length.
     pub(crate) async fn receive<E>(
         &self,
-        owner: Id,
+        shelf: Shelf,
         hash: PackageId,
         declared: Option<u64>,
         mut body: impl Stream<Item = Result<Bytes, E>> + Unpin,
@@ -104,9 +106,10 @@ impl Packages {
         let expected = Owned {
             sha256: hash,
             bytes: declared.unwrap_or(1),
+            put: now(),
         };
-        self.within_quota(owner, expected).await?;
-        let place = timeout(RECEIVED_WITHIN, self.uploads.take(owner)).await;
+        self.within_quota(shelf, expected).await?;
+        let place = timeout(RECEIVED_WITHIN, self.uploads.take(shelf.id())).await;
         let place = place.ok().flatten().ok_or(UploadError::Busy)?;
         let file = tempfile::tempfile_in(&self.spool).map_err(UploadError::spool)?;
         let mut file = tokio::fs::File::from_std(file);
@@ -138,8 +141,35 @@ impl Packages {
         })
     }
 
-    /// Checks that an upload is an avatar package, and stores it as the owner's. True if the owner had not put it yet.
-    pub(crate) async fn keep(&self, owner: Id, upload: Spooled) -> Result<bool, UploadError> {
+    /// Checks that an upload is an avatar package, and stores it on the shelf. True if it was not there yet. On a full shelf of members others make room,
+    /// of those that are not `shown` the oldest first.
+    pub(crate) async fn keep(
+        &self,
+        shelf: Shelf,
+        upload: Spooled,
+        shown: &HashSet<PackageId>,
+    ) -> Result<bool, UploadError> {
+        let mut made_room = Vec::new();
+        let kept = self.keep_owned(shelf, upload, shown, &mut made_room).await;
+        for hash in made_room {
+            log::info!("package {hash} made room for another member's");
+            let _lock = self.hashes.lock(hash).await;
+            if let Err(left) = self.remove_unowned(hash).await {
+                log::warn!("the bytes of package {hash} stay until the next start: {left}");
+            }
+        }
+        kept
+    }
+
+    /// The same, but that the bytes of what `made_room` are still there: who has the lock of one hash waits for no other.
+    async fn keep_owned(
+        &self,
+        shelf: Shelf,
+        upload: Spooled,
+        shown: &HashSet<PackageId>,
+        made_room: &mut Vec<PackageId>,
+    ) -> Result<bool, UploadError> {
+        let owner = shelf.id();
         let (upload, _lock) = self.checked(owner, upload).await?;
         let hash = upload.hash;
         let record = record(hash, owner);
@@ -148,22 +178,25 @@ impl Packages {
             let owned = Owned {
                 sha256: hash,
                 bytes: upload.bytes,
+                put: now(),
             };
-            self.within_quota(owner, owned).await?;
+            self.within_quota(shelf, owned).await?;
+            let room = self.make_room(shelf, owned, shown, made_room).await;
+            room.map_err(UploadError::store)?;
             let head = self.store.size(&record).await;
             let known = head.map_err(UploadError::store)?.is_some();
             if !known {
                 let put = self.store.put_name(&record).await;
                 put.map_err(UploadError::store)?;
             }
-            let put = self.store.put_name(&owned.name(owner)).await;
-            put.map_err(UploadError::store)?;
+            let said = self.own(owner, owned).await;
+            said.map_err(UploadError::store)?;
             known
         };
         let stored = self.keep_bytes(upload).await;
         if let Err(e) = stored {
             // Unless the owner has it from before, in which case the bytes may be there all the same.
-            if !known && let Err(left) = self.forget(owner, hash).await {
+            if !known && let Err(left) = self.disown(owner, hash).await {
                 log::warn!("the record of a package that could not be stored stays: {left}");
             }
             return Err(e);
@@ -172,11 +205,6 @@ impl Packages {
             self.metrics.packages_stored.inc();
         }
         Ok(!known)
-    }
-
-    async fn forget(&self, owner: Id, hash: PackageId) -> Result<(), StoreError> {
-        self.disown(owner, hash).await?;
-        self.store.delete(&record(hash, owner)).await
     }
 
     /// The upload, once its bytes are known to be a package, with its hash locked. Bytes that are in the store have been checked, whoever put
@@ -203,8 +231,8 @@ impl Packages {
         Ok((upload, lock))
     }
 
-    async fn within_quota(&self, owner: Id, new: Owned) -> Result<(), UploadError> {
-        match self.over_quota(owner, new).await {
+    async fn within_quota(&self, shelf: Shelf, new: Owned) -> Result<(), UploadError> {
+        match self.over_quota(shelf, new).await {
             Ok(None) => Ok(()),
             Ok(Some(over)) => Err(UploadError::Quota(over)),
             Err(error) => Err(UploadError::store(error)),

@@ -377,32 +377,3 @@ async fn a_sender_gives_each_viewer_a_token_and_takes_one_back() -> Outcome {
     assert_eq!(many.status(), StatusCode::UNPROCESSABLE_ENTITY);
     Ok(())
 }
-
-#[tokio::test(flavor = "multi_thread")]
-async fn an_operator_takes_any_token_back_while_the_server_runs() -> Outcome {
-    let folder = tempfile::tempdir()?;
-    let file = folder.path().join("revoked");
-    let list = file.clone();
-    let server = TestServer::start_with(|config| config.revoked = Some(list)).await?;
-    let caller = &server.caller;
-    let (ada, eve) = (caller.owner("ada"), caller.owner("eve"));
-    let open = |token: String| {
-        let open = caller.request(Method::POST, "/v1/rooms", &token);
-        async move { Ok::<_, reqwest::Error>(open.send().await?.status()) }
-    };
-    assert_eq!(open(ada.clone()).await?, StatusCode::CREATED);
-    let (name, _) = caller.secret.look_at_token(&ada).ok_or("genuine")?;
-    server::revoke(&file, name)?;
-    let begun = std::time::Instant::now();
-    while open(ada.clone()).await? != StatusCode::UNAUTHORIZED {
-        assert!(begun.elapsed() < PATIENCE, "never revoked");
-        tokio::time::sleep(Duration::from_millis(100)).await;
-    }
-    assert_eq!(open(eve).await?, StatusCode::CREATED, "another's");
-    assert_eq!(
-        open(caller.owner("ada")).await?,
-        StatusCode::CREATED,
-        "a new one of hers"
-    );
-    Ok(())
-}

@@ -54,7 +54,19 @@ impl Caller {
 
     /// Wants to sit down as `occupant`.
     pub(crate) async fn sit(&self, call: &Call, room: &str, occupant: &str) -> Outcome<Response> {
+        self.sit_as(call, room, occupant, package()).await
+    }
+
+    /// The same, with this avatar.
+    pub(crate) async fn sit_as(
+        &self,
+        call: &Call,
+        room: &str,
+        occupant: &str,
+        avatar: &Package,
+    ) -> Outcome<Response> {
         let mut body = announcement();
+        body["avatar"] = json!({ "sha256": avatar.hash, "bytes": avatar.bytes.len() });
         body["person"] = json!(format!("{occupant}'s name"));
         body["occupant"] = json!(occupant);
         let path = format!("/v1/rooms/{room}/presence");
@@ -152,30 +164,5 @@ async fn a_member_has_no_right_beyond_its_call() -> Outcome {
     assert_eq!(sat, StatusCode::NOT_FOUND, "a seat of another call");
     let removed = caller.delete(&package().path(), &call.member).await?;
     assert_eq!(removed, StatusCode::NOT_FOUND, "the owner's package stays");
-    Ok(())
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn members_fill_the_owners_store_no_further_than_agreed() -> Outcome {
-    let server = TestServer::start().await?;
-    let caller = &server.caller;
-    let call = caller.call("ada").await?;
-    // What is no package takes no package's place, but costs the server as much: so many are received and no more.
-    for number in 0..96u8 {
-        let put = caller
-            .put_package(&Package::of(vec![number]), &call.member)
-            .await?;
-        assert_eq!(
-            put.status(),
-            StatusCode::UNPROCESSABLE_ENTITY,
-            "number {number}"
-        );
-    }
-    let put = caller.put_package(package(), &call.member).await?.status();
-    assert_eq!(put, StatusCode::FORBIDDEN, "one too many");
-    let put = caller.put_package(package(), &caller.owner("ada")).await?;
-    assert_eq!(put.status(), StatusCode::CREATED, "its owner may");
-    let put = caller.put_package(package(), &call.member).await?.status();
-    assert_eq!(put, StatusCode::OK, "what is there costs nothing");
     Ok(())
 }

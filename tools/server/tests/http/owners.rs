@@ -11,7 +11,7 @@ use tokio::net::TcpStream;
 const RECEIVED: &str = "mon3tr_package_bytes_received_total ";
 
 /// The synthetic person under another name: other bytes.
-fn named(name: &str) -> Package {
+pub(crate) fn named(name: &str) -> Package {
     let mut avatar = Puppet::small().avatar();
     avatar.name = name.to_owned();
     Package::of(avatar.to_bytes().expect("a package"))

@@ -1,6 +1,7 @@
 //! Rooms: which token may enter, the events, and a sender that comes again.
 
 use crate::support::{OFFER, Outcome, TestServer, announcement, package};
+use link_protocol::Refusal;
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
 use std::time::Duration;
@@ -282,5 +283,31 @@ async fn rooms_and_waiting_viewers_are_bounded() -> Outcome {
     }
     // And then there is room again.
     caller.meet(&rooms[0], &mut first).await?;
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn who_is_refused_by_the_sender_is_not_counted_as_joined() -> Outcome {
+    let server = TestServer::start().await?;
+    let caller = &server.caller;
+    let room = caller.room("ada").await?;
+    let mut sender = caller.enter(&room).await?;
+    let joined = "mon3tr_viewers_joined_total ";
+    for refusal in [Refusal::Wait, Refusal::Wait, Refusal::Full] {
+        let joining = tokio::spawn({
+            let (caller, room) = (caller.clone(), room.clone());
+            async move { caller.join(&room).await }
+        });
+        let session = sender.offer().await?;
+        let path = format!("{}/sessions/{session}/answer", room.path());
+        let answer = caller.request(Method::PUT, &path, &room.sender);
+        let answer = answer.header("content-type", "application/sdp");
+        let answer = answer.body(refusal.answer()).send().await?;
+        assert_eq!(answer.status(), StatusCode::NO_CONTENT);
+        assert_eq!(joining.await??.text().await?, refusal.answer());
+        assert_eq!(caller.metric(joined).await?, 0, "{refusal:?}");
+    }
+    caller.meet(&room, &mut sender).await?;
+    assert_eq!(caller.metric(joined).await?, 1, "let in");
     Ok(())
 }
