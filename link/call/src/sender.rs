@@ -34,7 +34,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::{Notify, Semaphore, broadcast, watch};
 use tokio::task::JoinSet;
-use tokio::time::{Instant, MissedTickBehavior};
+use tokio::time::Instant;
 use watching::Watching;
 
 /// Viewers at once: what a home's uplink carries easily.
@@ -391,8 +391,8 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
     let mut here = addresses::Watch::begin();
     let (doubt, door) = (Arc::clone(&shared.doubt), shared.door.clone());
     let mut doubted: Option<Instant> = None;
-    let mut looks = tokio::time::interval(door::LOOK);
-    looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    // Apart: it must not interrupt an attempt to come back into the room.
+    let looks = tokio::spawn(end_who_is_over(door.clone()));
     loop {
         let event = tokio::select! {
             () = is_set(&mut stop) => break,
@@ -421,10 +421,6 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
                     entering.revoked = revoked;
                     enter_again("a guest's link is revoked", &mut shared.client, &mut presence, &mut backoff);
                 }
-                continue;
-            }
-            _ = looks.tick() => {
-                door.end_expired(now());
                 continue;
             }
             event = next_event(&shared, &entering, &mut presence, &mut backoff) => event,
@@ -490,7 +486,16 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
         }
     }
     drop(presence);
+    looks.abort();
     while viewers.join_next().await.is_some() {}
+}
+
+/// Has guests leave whom the server serves, once their time is over.
+async fn end_who_is_over(door: Door) {
+    loop {
+        tokio::time::sleep(door::LOOK).await;
+        door.end_expired(now());
+    }
 }
 
 /// Has the server end what it serves to viewers that have to go, however often it has to be asked.
@@ -519,6 +524,7 @@ async fn next_event(
     presence: &mut Option<Presence>,
     backoff: &mut Backoff,
 ) -> PresenceEvent {
+    let mut is_told = false;
     loop {
         if let Some(open) = presence {
             match open.next().await {
@@ -540,9 +546,15 @@ async fn next_event(
             }
             Err(CallError::Http(HttpError::Unauthorized { .. })) => {
                 log::warn!(
-                    "the room has expired: calls go on, but no other viewer can join; open another room"
+                    "the room has expired, or its token was taken back: calls go on, but no other viewer can join; open another room"
                 );
                 return std::future::pending().await;
+            }
+            Err(CallError::Http(error @ HttpError::NotFound { .. })) if !is_told => {
+                is_told = true;
+                log::warn!(
+                    "the server has this avatar no longer ({error}): calls go on, but no other viewer can join; leave, and come back, which puts it there again"
+                );
             }
             Err(error) => log::debug!("not in the room: {error}"),
         }

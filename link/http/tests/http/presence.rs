@@ -88,6 +88,7 @@ async fn all(presence: &mut Presence) {
         session: s1(),
         sdp: "v=0\r\n".to_owned(),
         forwards: false,
+        token: None,
     };
     assert_eq!(presence.next().await.expect("an event"), offer, "first");
     assert_eq!(
