@@ -63,7 +63,7 @@ impl Ear {
     fn listen(&self, message: &str) {
         // Nearly all lines are others; they must not cost a lock in every run.
         let placed = message.contains("placed on [");
-        if !placed && !message.contains(UNSUPPORTED) {
+        if !placed && !message.contains(UNSUPPORTED) && !message.contains(NOT_SUPPORTED) {
             return;
         }
         let mut heard = self.heard.lock().unwrap_or_else(PoisonError::into_inner);
@@ -71,7 +71,10 @@ impl Ear {
         if let Some((provider, nodes)) = placed.then(|| parse_placed(message)).flatten() {
             *heard.landing.nodes.entry(provider).or_default() += nodes;
         }
-        for node in parse_unsupported(message) {
+        for node in parse_unsupported(message)
+            .into_iter()
+            .chain(parse_not_supported(message))
+        {
             if !heard.refused.contains(&node) {
                 heard.refused.push(node);
             }
@@ -102,6 +105,9 @@ impl Ear {
 /// The line in which QNN lists what it does not take.
 const UNSUPPORTED: &str = "Unsupported nodes in QNN EP:";
 
+/// How the line begins in which NNAPI says of one node that it does not take it.
+const NOT_SUPPORTED: &str = "Node supported: [0] Operator type: [";
+
 /// ` All nodes placed on [X]. Number of nodes: N` or ` Node(s) placed on [X]. Number of nodes: N`.
 fn parse_placed(message: &str) -> Option<(String, usize)> {
     let (_, rest) = message.split_once("placed on [")?;
@@ -123,6 +129,15 @@ fn parse_unsupported(message: &str) -> Vec<String> {
             Some(format!("{} {name:?}", operator.trim()))
         })
         .collect()
+}
+
+/// `Node supported: [0] Operator type: [ReduceSum] index: [40] name: [residuals.ReduceSum] ...`; 1 where it takes it.
+fn parse_not_supported(message: &str) -> Option<String> {
+    let (_, rest) = message.split_once(NOT_SUPPORTED)?;
+    let (operator, rest) = rest.split_once(']')?;
+    let (_, rest) = rest.split_once("name: [")?;
+    let (name, _) = rest.split_once(']')?;
+    Some(format!("{operator} {name:?}"))
 }
 
 /// ONNX Runtime's levels as the `log` facade's.
@@ -150,11 +165,21 @@ mod tests {
             " Node(s) placed on [CPUExecutionProvider]. Number of nodes: 12",
             "Unsupported nodes in QNN EP: { name: lone, type: Erf }, { name: b, type: Einsum }, ",
             "Unsupported nodes in QNN EP: { name: lone, type: Erf }, ",
+            "Node supported: [1] Operator type: [Gemm] index: [3] name: [mesh.first.out.Gemm] as part of the NodeUnit type: [Gemm]",
+            "Node supported: [0] Operator type: [ReduceSum] index: [40] name: [residuals.ReduceSum] as part of the NodeUnit type: [ReduceSum]",
         ] {
             ear.listen(line);
         }
         let heard = ear.heard.lock().expect("no panic").take().expect("heard");
-        assert_eq!(heard.refused, [r#"Erf "lone""#, r#"Einsum "b""#], "once");
+        assert_eq!(
+            heard.refused,
+            [
+                r#"Erf "lone""#,
+                r#"Einsum "b""#,
+                r#"ReduceSum "residuals.ReduceSum""#
+            ],
+            "once"
+        );
         assert_eq!(
             heard.landing.to_string(),
             "CPUExecutionProvider 12, QNNExecutionProvider 3",
