@@ -161,14 +161,18 @@ impl DeformGraph<'_> {
 
         let units = w.dense("attr.first", input::MOTION, &network.first);
         let units = w.silu("attr.first", &units);
+        let shape = match w.dialect {
+            Dialect::Package => [controllers, 1, hidden],
+            Dialect::Nnapi => [controllers, hidden, 1],
+        };
+        let shape = w.int64("attr.rows.shape", &shape);
+        let rows = w.op("Reshape", "attr.rows", &[&units, &shape], &[]);
         let second = w.half(
             "attr.second.weights",
             &[controllers, hidden, bases],
             &network.second,
         );
         if w.dialect == Dialect::Nnapi {
-            let shape = w.int64("attr.rows.shape", &[controllers, hidden, 1]);
-            let rows = w.op("Reshape", "attr.rows", &[&units, &shape], &[]);
             let second = w.times("attr.second.weights", &second, hidden);
             let products = w.op("Mul", "attr.second.products", &[&rows, &second], &[]);
             let potentials = w.mean("attr.second.product", &products);
@@ -179,8 +183,6 @@ impl DeformGraph<'_> {
             );
             return w.op_named("Add", out, &[&potentials, &bias], &[]);
         }
-        let shape = w.int64("attr.rows.shape", &[controllers, 1, hidden]);
-        let rows = w.op("Reshape", "attr.rows", &[&units, &shape], &[]);
         let potentials = w.op("MatMul", "attr.second.product", &[&rows, &second], &[]);
         let bias = w.float(
             "attr.second.bias",
