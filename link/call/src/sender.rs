@@ -3,6 +3,7 @@
 //! Each viewer has a task, a connection and an encoder of its own, so that a viewer's bad network does not affect the others. Where the server
 //! forwards, only so many are served so; the server is one viewer more, which hands on what is sealed for it.
 
+mod ending;
 mod serving;
 mod watching;
 
@@ -14,7 +15,8 @@ use crate::path::Path;
 use crate::plan::Planner;
 use crate::privacy::Privacy;
 use crate::seats::Venue;
-use crate::{Backoff, CallError, addresses, door, is_set, now, renew};
+use crate::{Backoff, CallError, addresses, is_set, now, renew};
+use ending::{end_sessions, end_who_is_over};
 use link_codec::{Codec, Micros, MotionFrame};
 use link_http::presence::Presence;
 use link_http::{Client, HttpError};
@@ -488,33 +490,6 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
     drop(presence);
     looks.abort();
     while viewers.join_next().await.is_some() {}
-}
-
-/// Has guests leave whom the server serves, once their time is over.
-async fn end_who_is_over(door: Door) {
-    loop {
-        tokio::time::sleep(door::LOOK).await;
-        door.end_expired(now());
-    }
-}
-
-/// Has the server end what it serves to viewers that have to go, however often it has to be asked.
-async fn end_sessions(shared: Shared, sessions: Vec<Name>) {
-    let (room, mut stop) = (shared.venue.room(), shared.stop.clone());
-    let mut backoff = Backoff::default();
-    for session in sessions {
-        while let Err(error) = shared.client.leave(&room, &session).await {
-            if error.is_final() {
-                log::warn!("the server may still forward to a viewer that has to go: {error}");
-                break;
-            }
-            log::debug!("the server is asked again to end a session: {error}");
-            tokio::select! {
-                () = is_set(&mut stop) => return,
-                () = tokio::time::sleep(backoff.next()) => {}
-            }
-        }
-    }
 }
 
 /// The presence's next event, after as many new presences as it takes.

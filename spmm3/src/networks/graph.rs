@@ -175,7 +175,7 @@ impl DeformGraph<'_> {
         if w.dialect == Dialect::Nnapi {
             let second = w.times("attr.second.weights", &second, hidden);
             let products = w.op("Mul", "attr.second.products", &[&rows, &second], &[]);
-            let potentials = w.mean("attr.second.product", &products);
+            let potentials = w.mean("attr.second.product.out", &products);
             let bias = w.float(
                 "attr.second.bias",
                 &[controllers, bases],
@@ -251,7 +251,7 @@ impl DeformGraph<'_> {
         }
         let weighed = w.op("Mul", "attr.weighed", &[&full, &force], &[]);
         if w.dialect == Dialect::Nnapi {
-            w.mean_named(output::RESIDUALS, &weighed);
+            w.mean(output::RESIDUALS, &weighed);
             return;
         }
         let axes = w.int64("attr.axes", &[1]);

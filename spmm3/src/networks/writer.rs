@@ -84,12 +84,8 @@ impl Writer<'_> {
         self.op("Mul", &name, &[stored, &count], &[])
     }
 
-    /// The mean over the second axis, which is left out.
-    pub(super) fn mean(&mut self, name: &str, x: &str) -> String {
-        self.mean_named(&format!("{name}.out"), x)
-    }
-
-    pub(super) fn mean_named(&mut self, out: &str, x: &str) -> String {
+    /// The mean over the second axis, which is left out, named `out`.
+    pub(super) fn mean(&mut self, out: &str, x: &str) -> String {
         // Up to opset 17 the axes of a mean are an attribute; those of a sum are an input since 13.
         let attributes = [Attribute::ints("axes", &[1]), Attribute::int("keepdims", 0)];
         self.op_named("ReduceMean", out, &[x], &attributes)

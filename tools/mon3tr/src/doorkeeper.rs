@@ -145,37 +145,27 @@ impl Doorkeeper {
         match (word.to_ascii_lowercase().as_str(), number()) {
             ("", _) => {}
             ("w" | "who", None) => self.print_who(),
-            ("a" | "admit", Some(number)) => match self.door.admit(number) {
-                Some(visitor) => {
-                    self.keep();
-                    println!("{visitor} is let in");
+            ("a" | "admit", Some(number)) => self.decided(match self.door.admit(number) {
+                Some(visitor) => format!("{visitor} is let in"),
+                None => format!("nobody of the number {number} waits; w: who is there"),
+            }),
+            ("x" | "remove", Some(number)) => self.decided(match self.door.remove(number) {
+                Some(visitor) if visitor.who().is_some() => {
+                    format!("{visitor} is sent away, and does not come in again")
                 }
-                None => println!("nobody of the number {number} waits; w: who is there"),
-            },
-            ("x" | "remove", Some(number)) => match self.door.remove(number) {
                 Some(visitor) => {
-                    // Before it is said: it holds whatever happens next.
-                    self.keep();
-                    let known = match visitor.who() {
-                        Some(_) => "and does not come in again",
-                        None => "and nobody comes in without a key any more",
-                    };
-                    println!("{visitor} is sent away, {known}");
+                    format!("{visitor} is sent away, and nobody comes in without a key any more")
                 }
-                None => println!("nobody has the number {number}; w: who is there"),
-            },
-            ("l" | "lock", None) => {
-                let is_locked = self.door.toggle_lock();
-                self.keep();
-                println!(
-                    "{}",
-                    if is_locked {
-                        "the room is locked: nobody new comes in"
-                    } else {
-                        "the room is open again"
-                    }
-                );
-            }
+                None => format!("nobody has the number {number}; w: who is there"),
+            }),
+            ("l" | "lock", None) => self.decided(
+                if self.door.toggle_lock() {
+                    "the room is locked: nobody new comes in"
+                } else {
+                    "the room is open again"
+                }
+                .to_owned(),
+            ),
             ("g" | "guest", _) => match rest.parse() {
                 Ok(invitation) => {
                     if let Err(why) = self.print_guest(&invitation) {
@@ -187,6 +177,12 @@ impl Doorkeeper {
             ("q" | "quit", None) => self.stop.store(true, Relaxed),
             _ => println!("{LINES}"),
         }
+    }
+
+    /// Keeps what was decided before `said` says so: it holds whatever happens next.
+    fn decided(&self, said: String) {
+        self.keep();
+        println!("{said}");
     }
 
     fn print_who(&self) {

@@ -37,11 +37,16 @@ const AWAY: Duration = Duration::from_secs(10);
 /// The halls of one server. Clones share them.
 #[derive(Debug, Clone)]
 pub struct Halls {
-    open: Arc<Mutex<HashMap<Name, Hall>>>,
-    ended: Arc<Mutex<VecDeque<Name>>>,
+    state: Arc<Mutex<State>>,
     /// Viewers at once, of all halls together.
     most: usize,
     clock: Clock,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    open: HashMap<Name, Hall>,
+    ended: VecDeque<Name>,
 }
 
 struct Hall {
@@ -87,8 +92,7 @@ impl Halls {
     #[must_use]
     pub fn new(most: usize) -> Self {
         Self {
-            open: Arc::default(),
-            ended: Arc::default(),
+            state: Arc::default(),
             most,
             clock: Clock::start(),
         }
@@ -119,9 +123,9 @@ impl Halls {
         }
         let (answer, answered) = oneshot::channel();
         {
-            let mut open = self.locked();
+            let State { open, ended } = &mut *self.locked();
             let begun: usize = open.values().map(Hall::begun).sum();
-            if self.ended().contains(&session) {
+            if ended.contains(&session) {
                 return Err(CallError::NotConnected);
             }
             let hall = open.get_mut(room.room().room());
@@ -166,7 +170,7 @@ impl Halls {
         room: &Arc<dyn Signaling>,
         announcement: Announcement,
     ) -> Result<watch::Receiver<Option<Source>>, CallError> {
-        let mut open = self.locked();
+        let open = &mut self.locked().open;
         let name = room.room().room();
         let hall = match open.get(name) {
             // Another sender has come, or the same one as another avatar: who is there is sent to look for it.
@@ -190,9 +194,7 @@ impl Halls {
 
     /// Lets a viewer go that says by the server that it has left, or whom its sender does not serve any longer.
     pub fn leave(&self, session: &Name) {
-        // With the halls locked none is taken meanwhile.
-        let mut open = self.locked();
-        let mut ended = self.ended();
+        let State { open, ended } = &mut *self.locked();
         if ended.len() == MOST_ENDED {
             ended.pop_front();
         }
@@ -202,14 +204,10 @@ impl Halls {
         }
     }
 
-    fn ended(&self) -> MutexGuard<'_, VecDeque<Name>> {
-        self.ended.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Viewers that are forwarded to now.
     #[must_use]
     pub fn viewers(&self) -> usize {
-        let open = self.locked();
+        let open = &self.locked().open;
         let viewers = open.values().map(|hall| &hall.stage.counts.viewers);
         viewers.map(|viewers| viewers.load(Relaxed)).sum()
     }
@@ -253,8 +251,8 @@ impl Halls {
 
     /// Closes a hall to newcomers, unless another one is in its place.
     fn close(&self, name: &Name, stage: &Stage) -> Option<Hall> {
-        let mut open = self.locked();
-        is_open(&open, name, stage)
+        let open = &mut self.locked().open;
+        is_open(open, name, stage)
             .then(|| open.remove(name))
             .flatten()
     }
@@ -267,8 +265,8 @@ impl Halls {
         loop {
             looks.tick().await;
             // With the lock nobody enters meanwhile.
-            let mut open = self.locked();
-            if !is_open(&open, name, stage) {
+            let open = &mut self.locked().open;
+            if !is_open(open, name, stage) {
                 return;
             }
             empty_for = match stage.counts.begun.load(Relaxed) {
@@ -282,9 +280,9 @@ impl Halls {
         }
     }
 
-    fn locked(&self) -> MutexGuard<'_, HashMap<Name, Hall>> {
+    fn locked(&self) -> MutexGuard<'_, State> {
         // Every hall is whole after a panic elsewhere.
-        self.open.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
