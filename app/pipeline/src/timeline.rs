@@ -4,7 +4,9 @@
 //! What lies between, the *lag*, is measured rather than assumed: how old the newest state will be when the picture is shown
 //! goes up and down like a saw, by one motion period, and its upper end is the lag at which there is always a newer state to
 //! interpolate towards. A lag that changes does so slowly: time runs a little faster or slower, nothing jumps. Only a lag more
-//! than a motion period too long, as a stall leaves it, is cut at once: states that old are not kept.
+//! than a motion period too long, as a stall leaves it, is cut at once: states that old are not kept. And whatever pictures took
+//! before, none shows a moment more than two motion periods before the newest state: a device that draws a picture a second shows motion
+//! late by that picture, and not by its slowest ones of a minute ago.
 
 use serde::Serialize;
 use std::sync::Arc;
@@ -18,6 +20,8 @@ const SERVED_PERCENT: usize = 95;
 /// How far beyond the usual age the lag goes at most, in motion periods: states older than that are not kept, so that a stall
 /// must not be made up for.
 const KEPT: f64 = 1.5;
+/// How far before the newest state a picture shows at most, in motion periods: one to have a newer state to go towards, one for states that come unevenly.
+const BEHIND: f64 = 2.0;
 /// The lag changes by no more than this share of the time that passes.
 const SLEW: f64 = 0.1;
 /// Until so many pictures the lag follows at once.
@@ -126,8 +130,8 @@ impl Timeline {
         };
         self.newest = Some((newest, since));
         let waited = displayed.saturating_duration_since(since).as_secs_f64();
+        let age = displayed.saturating_duration_since(newest).as_secs_f64();
         if waited < PAUSE * self.period || self.seen == 0 {
-            let age = displayed.saturating_duration_since(newest).as_secs_f64();
             self.ages[self.seen % WINDOW] = age;
             self.seen += 1;
         }
@@ -150,6 +154,7 @@ impl Timeline {
             let most = elapsed * SLEW;
             self.lag += (wanted - self.lag).clamp(-most, most);
         }
+        self.lag = self.lag.min(age + BEHIND * self.period);
         let moment = displayed
             .checked_sub(Duration::from_secs_f64(self.lag))
             .unwrap_or(displayed);
@@ -243,6 +248,51 @@ mod tests {
                 );
                 assert!((0.0..=1.0).contains(alpha), "{hertz} Hz: {alpha}");
                 assert!((0.9..=2.0).contains(beyond), "{hertz} Hz: {beyond}");
+            }
+        }
+    }
+
+    /// States at 30 Hz, each ready `work` after it was due. `pictures` says how long each picture takes to draw, from when the one before is displayed, in order.
+    /// Returns how far behind the display each picture is.
+    fn behind(pictures: &[Duration], work: Duration) -> Vec<Duration> {
+        let start = Instant::now();
+        let mut timeline = Timeline::new(LatencyMode::Interpolate, DisplayLag::default());
+        let (mut begun, mut newest) = (start + Duration::from_secs(1), 0);
+        let mut out = Vec::new();
+        for took in pictures {
+            while start + MOTION * (newest + 1) + work <= begun {
+                newest += 1;
+                timeline.state_came(start + MOTION * (newest - 1), start + MOTION * newest);
+            }
+            let displayed = begun + *took;
+            let moment = timeline.moment(displayed, start + MOTION * newest);
+            out.push(displayed.saturating_duration_since(moment));
+            begun = displayed;
+        }
+        out
+    }
+
+    #[test]
+    fn what_pictures_took_before_makes_none_later_than_its_own_time_and_two_motion_periods() {
+        let (work, fast) = (Duration::from_millis(5), Duration::from_millis(16));
+        for slow in [1, 5, 10].map(|hertz| Duration::from_secs(1) / hertz) {
+            // Slow for long, fast, and slow again: each time the first picture is as good as the last.
+            let takes = [
+                vec![slow; 60],
+                vec![fast; 60],
+                vec![slow; 60],
+                vec![fast; 60],
+            ]
+            .concat();
+            let found = behind(&takes, work);
+            let last = takes.iter().zip(&found).enumerate();
+            for (picture, (took, late)) in last {
+                // The newest state is a motion period old at most when a picture is begun.
+                let bound = *took + work + MOTION + MOTION * 2;
+                assert!(
+                    *late <= bound + Duration::from_millis(1),
+                    "picture {picture}, which takes {took:?}, is {late:?} behind"
+                );
             }
         }
     }

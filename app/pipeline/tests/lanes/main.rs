@@ -4,6 +4,7 @@ mod compiled;
 mod costly;
 mod faults;
 mod headset;
+mod overload;
 mod people;
 mod pictures;
 mod placing;

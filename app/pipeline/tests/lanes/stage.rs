@@ -109,6 +109,8 @@ pub(crate) struct Stage {
     pub(crate) lanes: Lanes<Swing>,
     pub(crate) display: DisplayClock,
     pub(crate) camera: Camera,
+    /// What a picture takes besides.
+    pub(crate) slowed: Duration,
     avatar: Arc<Avatar>,
     runtime: Runtime,
     /// One at a time: they would slow each other down.
@@ -176,6 +178,7 @@ impl Stage {
             lanes,
             display: DisplayClock::new(hertz),
             camera: camera(SIDE),
+            slowed: Duration::ZERO,
             avatar,
             runtime,
             _alone: alone,
@@ -228,6 +231,7 @@ impl Stage {
             .expect("the picture is drawn")
         {
             Drawn::Picture => {
+                std::thread::sleep(self.slowed);
                 let shown = self.display.drawn(begun, Instant::now());
                 self.lanes.displayed(shown);
             }
