@@ -5,6 +5,7 @@
 
 mod constants;
 mod device;
+mod loops;
 mod module;
 mod pipeline;
 mod rules;
@@ -65,14 +66,8 @@ fn main() -> anyhow::Result<()> {
     for module in &modules {
         let name = module.shader.name;
         let mut compile = |stages: &[&Module], subgroup| -> anyhow::Result<()> {
-            let compiled = pipeline::compile(
-                &device,
-                stages,
-                subgroup,
-                &arguments.set,
-                arguments.code.is_some(),
-            )
-            .with_context(|| format!("shader {name} at subgroups of {subgroup}"))?;
+            let compiled = pipeline::compile(&device, stages, subgroup, &arguments.set)
+                .with_context(|| format!("shader {name} at subgroups of {subgroup}"))?;
             for one in compiled {
                 // For a pair of shaders the driver may make more than two programs.
                 let stage = stages

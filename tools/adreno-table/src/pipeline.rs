@@ -26,7 +26,7 @@ pub(crate) struct Compiled {
     pub(crate) subgroup: u32,
     /// The driver's statistics by their names.
     pub(crate) statistics: BTreeMap<String, u64>,
-    /// The compiler's stages and the machine code, if they were asked for.
+    /// The compiler's stages and the machine code.
     pub(crate) code: String,
 }
 
@@ -36,7 +36,6 @@ pub(crate) fn compile(
     modules: &[&Module],
     subgroup: u32,
     settings: &[Setting],
-    with_code: bool,
 ) -> anyhow::Result<Vec<Compiled>> {
     let layout = layout(device, modules)?;
     let specialisations: Vec<_> = modules
@@ -68,15 +67,13 @@ pub(crate) fn compile(
         stages.push(stage);
     }
 
-    let mut flags = vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR;
-    if with_code {
-        flags |= vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR;
-    }
+    let flags = vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR
+        | vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR;
     let pipeline = match stages.as_slice() {
         [stage] => compute(device, *stage, layout, flags)?,
         _ => graphics(device, modules, &stages, layout, flags)?,
     };
-    let mut compiled = report(device, pipeline, with_code)?;
+    let mut compiled = report(device, pipeline)?;
     for stage in &stages {
         // SAFETY: pipelines do not need their modules once made.
         unsafe { device.handle.destroy_shader_module(stage.module, None) };
@@ -334,11 +331,7 @@ fn two_subpasses(
     unsafe { device.handle.create_render_pass(&info, None) }.context("vkCreateRenderPass")
 }
 
-fn report(
-    device: &Device,
-    pipeline: vk::Pipeline,
-    with_code: bool,
-) -> anyhow::Result<Vec<Compiled>> {
+fn report(device: &Device, pipeline: vk::Pipeline) -> anyhow::Result<Vec<Compiled>> {
     let info = vk::PipelineInfoKHR::default().pipeline(pipeline);
     // SAFETY: the pipeline is alive.
     let executables = unsafe { device.executables.get_pipeline_executable_properties(&info) }
@@ -362,11 +355,7 @@ fn report(
             stage: stage_name(executable.stages).to_owned(),
             subgroup: executable.subgroup_size,
             statistics,
-            code: if with_code {
-                code(device, &info)?
-            } else {
-                String::new()
-            },
+            code: code(device, &info)?,
         });
     }
     Ok(compiled)

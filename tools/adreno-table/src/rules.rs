@@ -45,6 +45,11 @@ pub(crate) fn check(rows: &[Row], reasons: &[Reason]) -> anyhow::Result<()> {
     let mut wrong = Vec::new();
     for row in rows {
         let (key, reason) = (row.key(), reasons.iter().find(|one| one.row == row.key()));
+        if !row.loops_add_up() {
+            wrong.push(format!(
+                "the loops of {key} were misread: their instructions are not as many as the driver counts"
+            ));
+        }
         if row.spills() {
             wrong.push(format!("{key} spills registers to memory"));
         }

@@ -2,12 +2,13 @@
 
 use std::fmt::Write as _;
 
+use crate::loops::Loops;
 use crate::pipeline::Compiled;
 
 /// Heading, and the driver's name for the figure.
 const COLUMNS: [(&str, &str); 11] = [
     ("instructions", INSTRUCTIONS),
-    ("of them nop", "NOPs Count"),
+    ("of them nop", NOPS),
     ("registers", "Registers used"),
     ("half registers", "Half-registers used"),
     ("waves", WAVES),
@@ -20,9 +21,13 @@ const COLUMNS: [(&str, &str); 11] = [
 ];
 
 const INSTRUCTIONS: &str = "Instruction Count";
+const NOPS: &str = "NOPs Count";
 const SPILLS: &str = "STP Count";
 const RELOADS: &str = "LDP Count";
 const WAVES: &str = "Max Waves Per Core";
+
+/// Instructions that the driver counts and does not print, or prints and does not count.
+const FEW: u64 = 4;
 
 /// One line: a stage of a shader at one subgroup size.
 pub(crate) struct Row {
@@ -30,6 +35,7 @@ pub(crate) struct Row {
     stage: String,
     subgroup: u32,
     figures: [Option<u64>; COLUMNS.len()],
+    loops: Loops,
 }
 
 impl Row {
@@ -39,6 +45,7 @@ impl Row {
             stage: compiled.stage.clone(),
             subgroup: compiled.subgroup,
             figures: COLUMNS.map(|(_, statistic)| compiled.statistics.get(statistic).copied()),
+            loops: Loops::read(&compiled.code),
         }
     }
 
@@ -64,10 +71,23 @@ impl Row {
             .any(|statistic| self.figure(statistic) != Some(0))
     }
 
+    /// Whether its loops account for the driver's own count: for every idle slot, and for all instructions but a few that begin and end a program.
+    pub(crate) fn loops_add_up(&self) -> bool {
+        let (instructions, nops) = self.loops.sums();
+        self.figure(NOPS) == Some(nops)
+            && (self.figure(INSTRUCTIONS)).is_some_and(|all| all.abs_diff(instructions) <= FEW)
+    }
+
     /// A made-up row.
     #[cfg(test)]
     pub(crate) fn made_up(shader: &str, subgroup: u32, waves: u64, spills: u64) -> Self {
-        let said = [(WAVES, waves), (SPILLS, spills), (RELOADS, spills)];
+        let said = [
+            (WAVES, waves),
+            (SPILLS, spills),
+            (RELOADS, spills),
+            (INSTRUCTIONS, 0),
+            (NOPS, 0),
+        ];
         let statistics = said.map(|(name, figure)| (name.to_owned(), figure)).into();
         Self::new(
             shader,
@@ -86,9 +106,9 @@ pub(crate) fn markdown(rows: &[Row]) -> String {
     for (heading, _) in COLUMNS {
         _ = write!(text, " {heading} |");
     }
-    text += "\n|---|---|--:|";
+    text += " instructions (nop) outside of loops, by loop |\n|---|---|--:|";
     text += &"--:|".repeat(COLUMNS.len());
-    text += "\n";
+    text += "---|\n";
     for row in rows {
         _ = write!(text, "| {} | {} | {} |", row.name, row.stage, row.subgroup);
         for figure in row.figures {
@@ -97,7 +117,7 @@ pub(crate) fn markdown(rows: &[Row]) -> String {
                 None => text += " |",
             }
         }
-        text += "\n";
+        _ = writeln!(text, " {} |", row.loops);
     }
     text
 }

@@ -267,12 +267,17 @@ impl BackEnds {
         Redraw::ForShowing
     }
 
+    /// The tiles' lists; nothing where quads drew the last picture.
+    pub(crate) fn tiles(&self) -> Option<&Tiles> {
+        match self.current() {
+            BackEnd::Tiles => self.tiles.as_ref(),
+            BackEnd::Quads => None,
+        }
+    }
+
     /// (Gaussian, tile) pairs in the last picture; 0 for quads.
     pub(crate) fn tile_pairs(&self) -> u32 {
-        match (self.current(), &self.tiles) {
-            (BackEnd::Tiles, Some(tiles)) => tiles.pairs_wanted(),
-            _ => 0,
-        }
+        self.tiles().map_or(0, Tiles::pairs_wanted)
     }
 }
 

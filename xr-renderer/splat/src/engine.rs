@@ -21,6 +21,7 @@ use crate::external_images::ExternalImages;
 use crate::geometry_pass::GeometryPass;
 use crate::interrupt::Interrupt;
 use crate::limits::MOST_PARTS;
+use crate::lists::{self, TileLists};
 use crate::motion_bound::{KEPT_FOREGROUND_MOVE, MotionBound};
 use crate::options::RendererOptions;
 use crate::order::{KEPT_MOVE, KEPT_TURN, Order};
@@ -231,6 +232,17 @@ impl Engine {
         Ok(self
             .read_back
             .read_depth(&self.gpu, &mut self.commands, &self.target, view)?)
+    }
+
+    /// See [`crate::renderer::SplatRenderer::read_back_lists`].
+    pub(crate) fn read_back_lists(&mut self) -> Result<Option<TileLists>, RenderError> {
+        let Some(tiles) = self.back_ends.tiles() else {
+            return Ok(None);
+        };
+        let (commands, geometry, target) = (&mut self.commands, &self.geometry, &self.target);
+        Ok(Some(lists::read(
+            &self.gpu, commands, geometry, tiles, target,
+        )?))
     }
 
     fn check_kept(&self) -> Result<(), RenderError> {

@@ -38,7 +38,7 @@
 //! ```
 //!
 //! The path of a picture: [`renderer`] (the public API), `engine` (the order of the stages on one device), `geometry_pass` (upload, [`posing`],
-//! projection, [`sort`]), [`back_ends`] (`tiles` or `quads`), then `read_back`, a [`window`], or [`external_images`] such as a
+//! projection, [`sort`]), [`back_ends`] (`tiles` or `quads`), then `read_back` ([`lists`] beside it, for counting work), a [`window`], or [`external_images`] such as a
 //! headset's.
 
 pub mod back_ends;
@@ -53,6 +53,7 @@ mod geometry_pass;
 pub mod host_picture;
 pub mod interrupt;
 pub mod limits;
+pub mod lists;
 pub mod motion_bound;
 pub mod options;
 mod order;

@@ -17,6 +17,7 @@ use crate::engine::Engine;
 use crate::error::RenderError;
 use crate::external_images::ExternalImages;
 use crate::limits::{MOST_PARTS, MOST_PIXELS};
+use crate::lists::TileLists;
 use crate::options::{BackEnd, RendererOptions};
 use crate::picture::Image;
 use crate::posing::{PosedInput, StateId};
@@ -264,6 +265,14 @@ impl SplatRenderer {
             return Err(RenderError::NoDepth);
         }
         self.engine_mut()?.read_back_depth(view)
+    }
+
+    /// What the last picture was made of before it was blended, for counting work; nothing where quads drew it.
+    ///
+    /// # Errors
+    /// A device that fails, or more memory than the host has to give.
+    pub fn read_back_lists(&mut self) -> Result<Option<TileLists>, RenderError> {
+        self.engine_mut()?.read_back_lists()
     }
 
     /// Where the pictures lie on the device.

@@ -158,6 +158,21 @@ impl Tiles {
         self.total.read_one()
     }
 
+    /// The lists of one view.
+    pub(crate) fn list_count(&self, target: &Target) -> u32 {
+        Layout::of(target).tiles()
+    }
+
+    /// Where each list begins among the pairs, view after view, and where the last ends.
+    pub(crate) fn starts(&self) -> &Buffer {
+        &self.tile_starts
+    }
+
+    /// All lists, one after the other.
+    pub(crate) fn pairs(&self) -> &Buffer {
+        &self.pairs
+    }
+
     /// Makes room for `wanted` pairs and some more. The device is idle.
     pub(crate) fn grow(
         &mut self,
