@@ -27,8 +27,11 @@ pub const MAX_PEOPLE: usize = 8;
 /// Characters of a token.
 pub const MAX_TOKEN: usize = 4096;
 
-/// Characters of a room link or a server's address.
+/// Characters of a room link: an address, a token, and what follows it.
 pub const MAX_LINK: usize = 8192;
+
+/// Characters of a server's address as it is written, with each character of its host or path that no address has encoded by several.
+pub const MAX_ADDRESS: usize = 2048;
 
 /// STUN and TURN servers of a room, addresses of one, and bytes of an address, a user's name or a credential.
 pub const MAX_ICE_SERVERS: usize = 8;

@@ -13,7 +13,7 @@ use identity::KeyHash;
 
 use crate::fragment::Fragment;
 use crate::guest::GuestPass;
-use crate::limits::MAX_LINK;
+use crate::limits::{MAX_ADDRESS, MAX_LINK};
 use crate::{LinkSecret, Name, ProtocolError, Token};
 
 /// A server's base address: http or https, a host, maybe a port and a path before `/v1`.
@@ -89,8 +89,10 @@ impl FromStr for ServerUrl {
 }
 
 fn check_address(text: &str) -> Result<ServerUrl, String> {
-    if text.len() > MAX_LINK {
-        return Err(format!("it is longer than {MAX_LINK} characters"));
+    let too_long = || format!("it is longer than {MAX_ADDRESS} characters");
+    // Before it is parsed, which takes long for a long one, and again as it is written, which may be several times as long.
+    if text.len() > MAX_ADDRESS {
+        return Err(too_long());
     }
     if text.contains(['#', '?']) {
         return Err("it must end before any `#` or `?`".to_owned());
@@ -113,8 +115,12 @@ fn check_address(text: &str) -> Result<ServerUrl, String> {
     if !url.username().is_empty() || url.password().is_some() {
         return Err("it must not hold a user name or password".to_owned());
     }
+    let base = url.as_str().trim_end_matches('/');
+    if base.len() > MAX_ADDRESS {
+        return Err(too_long());
+    }
     Ok(ServerUrl {
-        base: url.as_str().trim_end_matches('/').to_owned(),
+        base: base.to_owned(),
     })
 }
 
@@ -294,5 +300,30 @@ impl fmt::Display for RoomLink {
 impl fmt::Debug for RoomLink {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}/rooms/{}#...", self.server, self.room)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_address_is_as_long_as_it_is_written() {
+        // Each letter of this path is written as six characters.
+        for (letters, is_read) in [(300, true), (400, false)] {
+            let address = format!("https://h/{}", "д".repeat(letters));
+            assert!(address.len() < MAX_ADDRESS, "{letters} are short");
+            match address.parse::<ServerUrl>() {
+                Ok(read) => {
+                    assert!(is_read, "{letters} letters");
+                    let again = read.to_string().parse::<ServerUrl>();
+                    assert!(again.is_ok_and(|again| again == read), "{letters} letters");
+                }
+                Err(why) => {
+                    assert!(!is_read, "{letters} letters: {why}");
+                    assert!(why.to_string().contains("2048 characters"), "{why}");
+                }
+            }
+        }
     }
 }
