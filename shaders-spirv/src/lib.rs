@@ -31,8 +31,8 @@ pub struct Shader {
 /// Side of a screen tile in pixels; `TILE` in `shaders/frame.glsl`.
 pub const TILE_PIXELS: u32 = 16;
 
-/// Gaussians that one instance of the quad back end's draw has: as many as 16-bit vertex indices reach.
-pub const QUADS_PER_INSTANCE: u32 = 1 << 14;
+/// Gaussians that one instance of the quad back end's draw has: as 16-bit indices reach, with six vertices each.
+pub const QUADS_PER_INSTANCE: u32 = 1 << 13;
 
 /// Elements one workgroup of the prefix sum takes; `BLOCK` in `shaders/scan.glsl`.
 pub const SCAN_BLOCK: u32 = 1024;

@@ -4,6 +4,7 @@
 
 mod background;
 mod costs;
+mod counted;
 mod device;
 mod edges;
 mod filter_and_depth;

@@ -12,3 +12,9 @@ pub const MOST_PART_PAIRS: u32 = 1 << 23;
 
 /// The most that all parts make together: half of what the least device's largest buffer holds, so that the rest is the background's.
 pub const MOST_FOREGROUND_PAIRS: u32 = 1 << 24;
+
+/// The most invocations that share the sorted splats while tiles are listed: a GPU has thousands to feed.
+pub const MOST_LISTING_LANES: u32 = 1024;
+
+/// The largest table of what each of them has counted for each tile: where there are many tiles they are fewer.
+pub const MOST_LISTING_BYTES: u64 = 64 << 20;

@@ -1,4 +1,4 @@
-//! The quad back end: one tight oriented quad for each splat, farthest first, blended by fixed function.
+//! The quad back end: one tight oriented hexagon for each splat, farthest first, blended by fixed function.
 //!
 //! Nothing is stored per tile, which suits tile-based GPUs; every fragment of every splat is blended, though, hidden or not.
 
@@ -107,11 +107,14 @@ impl Quads {
     }
 }
 
-/// Two triangles for each of an instance's quads, whose corners have the numbers 4q to 4q + 3.
+/// Four triangles for each of an instance's hexagons, whose corners have the numbers 6h to 6h + 5, around: one in the middle, since long thin ones
+/// share more pixels.
 fn index_buffer(gpu: &Arc<Gpu>) -> Result<Buffer, VulkanError> {
     let corner = |vertex: u32| u16::try_from(vertex).unwrap_or(u16::MAX);
     let indices: Vec<u16> = (0..QUADS_PER_INSTANCE)
-        .flat_map(|quad| [0, 1, 2, 2, 1, 3].map(|number| corner(4 * quad + number)))
+        .flat_map(|hexagon| {
+            [0, 2, 4, 0, 1, 2, 2, 3, 4, 4, 5, 0].map(|number| corner(6 * hexagon + number))
+        })
         .collect();
     let bytes = size_of_val(&indices[..]) as u64;
     let usage = vk::BufferUsageFlags::INDEX_BUFFER;

@@ -16,6 +16,7 @@ use shaders_spirv::{FrameParams, TILE_PIXELS};
 
 use crate::error::RenderError;
 use crate::geometry_pass::GeometryPass;
+use crate::limits::{MOST_LISTING_BYTES, MOST_LISTING_LANES};
 use crate::scan::Scan;
 use crate::target::Target;
 
@@ -23,8 +24,8 @@ use crate::target::Target;
 const LANE_GROUP: u32 = 32;
 /// Invocations per workgroup of the pass over tiles.
 const TILE_GROUP: u32 = 64;
-/// The most lanes, since their table grows with their number.
-const TABLE_BYTES: u64 = 64 << 20;
+/// On a software driver, which has a few cores to feed.
+const CPU_LANES: u32 = 128;
 
 /// A picture's tiles.
 #[derive(Debug, Clone, Copy)]
@@ -50,9 +51,12 @@ impl Layout {
 
     /// Invocations that share the sorted splats among them.
     fn lanes(self, gpu: &Gpu) -> u32 {
-        // A software driver has a few cores to feed, a GPU thousands of lanes.
-        let mut lanes = if gpu.info().is_cpu { 128 } else { 1024 };
-        let limit = TABLE_BYTES.min(u64::from(gpu.limits().max_storage_buffer_range));
+        let mut lanes = if gpu.info().is_cpu {
+            CPU_LANES
+        } else {
+            MOST_LISTING_LANES
+        };
+        let limit = MOST_LISTING_BYTES.min(u64::from(gpu.limits().max_storage_buffer_range));
         let row = u64::from(self.lists()) * 4;
         while lanes > LANE_GROUP && row * u64::from(lanes) > limit {
             lanes /= 2;

@@ -1,6 +1,7 @@
 //! One file per sub-command.
 
 pub mod bake;
+pub(crate) mod budget;
 pub(crate) mod call;
 pub(crate) mod demo;
 pub(crate) mod doctor;
@@ -29,6 +30,8 @@ pub enum Command {
     Rig(rig::Options),
     /// Show what is in an avatar package or a Gaussian scene
     Inspect(inspect::Options),
+    /// Predict what pictures of avatars will take on a headset
+    Budget(budget::Options),
     /// Draw an avatar that follows a motion, a Gaussian scene, or both together
     Render(render::Options),
     /// Run the server that introduces callers and keeps avatars
@@ -62,6 +65,7 @@ impl Command {
             Self::Bake(options) => bake::run(options, device),
             Self::Rig(options) => rig::run(options, device),
             Self::Inspect(options) => inspect::run(options),
+            Self::Budget(options) => budget::run(options, device),
             Self::Render(options) => render::run(options, device),
             Self::Serve(options) => serve::run(options),
             Self::Call(options) => call::run(options, device),
