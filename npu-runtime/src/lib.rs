@@ -32,6 +32,8 @@ mod devices;
 mod error;
 mod graph;
 mod landing;
+#[cfg(any(target_os = "android", test))]
+mod nnapi_devices;
 mod provider;
 mod qnn;
 mod runtime;

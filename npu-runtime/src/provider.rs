@@ -13,8 +13,8 @@ pub enum Provider {
         /// The chip that the graph is compiled for.
         target: QnnTarget,
     },
-    /// Android's neural network interface; never in part on ONNX Runtime's own kernels. What Android does with it is the device's: without a driver for an
-    /// accelerator it may run all of it on its own CPU code, and ONNX Runtime does not tell.
+    /// Android's neural network interface; never in part on ONNX Runtime's own kernels, and not offered where Android has no device for it but its own code on the
+    /// CPU.
     Nnapi,
     /// XNNPACK's CPU kernels, with ONNX Runtime's own for what they lack.
     Xnnpack {

@@ -135,6 +135,10 @@ impl Runtime {
             return self.qnn().err().map(str::to_owned);
         }
         if is_built_in(provider) {
+            #[cfg(target_os = "android")]
+            if provider == ProviderKind::Nnapi {
+                return crate::nnapi_devices::lacks_accelerator();
+            }
             return None;
         }
         if provider == ProviderKind::Nnapi && !cfg!(target_os = "android") {

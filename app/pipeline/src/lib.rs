@@ -39,7 +39,8 @@
 //! let renderer = SplatRenderer::new(gpu, &RendererOptions::new(gaussians, 1024, 1024, 1))?;
 //! let mut display = DisplayClock::new(60.0);
 //! let (latency, quality) = Default::default();
-//! let options = LaneOptions { plan, latency, quality, display_period: display.period() };
+//! let (display_period, expected_picture) = (display.period(), Duration::ZERO);
+//! let options = LaneOptions { plan, latency, quality, display_period, expected_picture };
 //! let mut lanes = Lanes::start(&avatar, inference, renderer, Still, &options)?;
 //! let (eye, target) = (Vec3::new(0.0, 1.4, 3.0), Vec3::new(0.0, 1.0, 0.0));
 //! let camera = Camera::look_at(eye, target, Vec3::Y, 0.7, 1024, 1024);

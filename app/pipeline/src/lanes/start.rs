@@ -16,7 +16,7 @@ use crate::inference::Inference;
 use crate::plan::Plan;
 use crate::posing::Posing;
 use crate::profile::Collector;
-use crate::quality::{KEPT_SHARES, Quality, QualityController};
+use crate::quality::{KEPT_SHARES, QualityController};
 use crate::stage::Lane;
 use crate::timeline::{LatencyMode, Timeline};
 use app_kernels::Detail;
@@ -40,6 +40,8 @@ impl<S: MotionSource> Lanes<S> {
         options: &LaneOptions,
     ) -> Result<Self, ReceiverError> {
         let LaneOptions { plan, latency, .. } = *options;
+        let controller = QualityController::new(options.display_period, options.quality)
+            .expecting(options.expected_picture);
         let scenery = Scenery::new(&renderer)?;
         let first = Person::start(avatar, inference, &renderer, source, plan, latency)?;
         check_room(&renderer, first.room())?;
@@ -49,8 +51,8 @@ impl<S: MotionSource> Lanes<S> {
             renderer,
             is_lost: false,
             scenery,
-            quality: Quality::of_step(0),
-            controller: QualityController::new(options.display_period, options.quality),
+            quality: controller.quality(),
+            controller,
             slow: SlowPictures::default(),
             displayed: None,
             number: 0,

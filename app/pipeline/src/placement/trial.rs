@@ -98,11 +98,24 @@ impl PlacementReport {
     /// How long the graph took when it was tried.
     #[must_use]
     pub fn inference(&self) -> Option<Duration> {
-        let kind = self.provider.kind();
-        let chosen = self.alternatives.iter();
-        let mut chosen = chosen.filter(|one| one.plan == self.plan && one.provider == kind);
-        let ms = chosen.next()?.costs?.inference;
-        Duration::try_from_secs_f64(ms * 1e-3).ok()
+        Duration::try_from_secs_f64(self.costs()?.inference * 1e-3).ok()
+    }
+
+    /// How long the GPU was at a picture at full quality when this placement was tried.
+    #[must_use]
+    pub fn picture(&self) -> Option<Duration> {
+        let costs = self.costs()?;
+        let posing = match self.plan {
+            Plan::Gpu => costs.interpolate,
+            Plan::Npu | Plan::CpuTail | Plan::Cpu => 0.0,
+        };
+        Duration::try_from_secs_f64((posing + costs.draw) * 1e-3).ok()
+    }
+
+    fn costs(&self) -> Option<StageCosts> {
+        (self.alternatives.iter())
+            .find(|alternative| self.is_chosen(alternative))?
+            .costs
     }
 }
 

@@ -83,6 +83,27 @@ impl QualityController {
         }
     }
 
+    /// The same, told before the first picture that one at the best step takes the GPU so long: it begins where that is predicted to fit, as if all of it
+    /// followed the pixels, so at a step rather too good. What then is measured decides.
+    #[must_use]
+    pub fn expecting(mut self, picture: Duration) -> Self {
+        if self.mode == QualityMode::Adapt {
+            let mut expected = Recent::new();
+            expected.push(PictureCost {
+                pixels_ms: picture.as_secs_f64() * 1e3,
+                ..PictureCost::default()
+            });
+            let best = Quality::of_step(0);
+            let holds = |step: &usize| {
+                let at = Quality::of_step(*step);
+                expected.predicted(best, at, 1, 100) <= GOAL * self.period_ms
+            };
+            let last = LADDER.len() - 1;
+            self.step = (0..last).find(holds).unwrap_or(last);
+        }
+        self
+    }
+
     /// What to draw the next picture with.
     #[must_use]
     pub fn quality(&self) -> Quality {

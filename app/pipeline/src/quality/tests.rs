@@ -453,3 +453,23 @@ fn dump(name: &str, simulation: &Simulation) {
         std::fs::write(file, lines).expect("the trace is written");
     }
 }
+
+#[test]
+fn it_begins_where_an_expected_picture_fits() {
+    let expecting = |periods: f64, mode| {
+        let picture = PERIOD.mul_f64(periods);
+        let begun = QualityController::new(PERIOD, mode).expecting(picture);
+        begun.quality().step
+    };
+    // Nothing is known, or it fits.
+    assert_eq!(expecting(0.0, QualityMode::Adapt), 0);
+    assert_eq!(expecting(0.84, QualityMode::Adapt), 0);
+    // At 85 % of width and height 72 % of the pixels: by hand, 1 - 0.85 x 0.28 = 0.76 of the time.
+    assert_eq!(expecting(1.1, QualityMode::Adapt), 1);
+    // At 70 %, 0.57 of it, at 60 %, 0.46.
+    assert_eq!(expecting(1.45, QualityMode::Adapt), 2);
+    assert_eq!(expecting(1.8, QualityMode::Adapt), 3);
+    assert_eq!(expecting(50.0, QualityMode::Adapt), LADDER.len() - 1);
+    // What is asked for stays.
+    assert_eq!(expecting(50.0, QualityMode::Fixed(2)), 2);
+}

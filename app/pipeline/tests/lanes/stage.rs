@@ -171,6 +171,7 @@ impl Stage {
             latency: LatencyMode::Interpolate,
             quality,
             display_period: Duration::from_secs_f64(1.0 / hertz),
+            expected_picture: Duration::ZERO,
         };
         let lanes =
             Lanes::start(&avatar, inference, renderer, swing, &options).expect("lanes start");

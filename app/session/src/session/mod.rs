@@ -285,6 +285,8 @@ impl<'a> Session<'a> {
             latency: self.config.latency,
             quality: self.config.quality,
             display_period,
+            // Of the first person alone: who joins is noticed by the pictures.
+            expected_picture: placed.report.picture().unwrap_or_default(),
         };
         // Networks are repacked for the kernels by several threads, which must end with that: the app may outlive many calls.
         let lanes = in_own_pool("start", move || {

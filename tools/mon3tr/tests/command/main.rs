@@ -1,5 +1,6 @@
 //! The command as its users meet it.
 
+mod budget;
 mod camera;
 mod cli;
 mod demo_person;

@@ -96,6 +96,7 @@ impl Scene<'_> {
             // Every picture as good as the first, however long it takes.
             quality: QualityMode::Fixed(0),
             display_period: display.period(),
+            expected_picture: Duration::ZERO,
         };
         let clip = Clip::new(self.frames);
         let (inference, renderer) = (self.inference()?, self.renderer()?);
