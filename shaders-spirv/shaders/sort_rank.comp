@@ -32,8 +32,8 @@ void main() {
     uint rank = start;
     for (uint other = start; other < end; ++other) {
         uint other_value = placed_values[other];
-        bool before = other_value < value || (other_value == value && placed_items[other] < item);
-        rank += before ? 1u : 0u;
+        rank += other_value < value ? 1u : 0u;
+        if (other_value == value && other != at) rank += placed_items[other] < item ? 1u : 0u;
     }
     order[rank] = item;
 }
