@@ -109,7 +109,8 @@ void main() {
         transmittance[i] = all(lessThan(at, size)) ? 1.0 : 0.0;
     }
 
-    for (uint base = start; base < end; base += SUBGROUP) {
+    uint base = start;
+    do {
         Splat own;
         bool touches = false;
         if (base + lane < end) {
@@ -148,7 +149,8 @@ void main() {
         for (uint i = 0u; i < PIXELS; ++i) most = max(most, transmittance[i]);
         if (subgroupAll(most < TRANSMITTANCE_CUT)) break;
         wait_for_hands();
-    }
+        base += SUBGROUP;
+    } while (base < end);
 
     for (uint i = 0u; i < PIXELS; ++i) {
         uint pixel = i * SUBGROUP + lane;
