@@ -13,9 +13,14 @@ void main() {
     uvec2 run = lane_run(lane);
     for (uint i = run.x; i < run.y; ++i) {
         uint rect = rects[view * frame.total_count + order[i]];
-        uint x0 = rect & 255u, y0 = (rect >> 8) & 255u, x1 = (rect >> 16) & 255u, y1 = rect >> 24;
-        for (uint y = y0; y <= y1; ++y) {
-            for (uint x = x0; x <= x1; ++x) table[row + y * frame.tiles_x + x] += 1u;
-        }
+        if (rect == EMPTY_RECT) continue;
+        uint x0 = rect & 255u, y = (rect >> 8) & 255u, x1 = (rect >> 16) & 255u, y1 = rect >> 24;
+        // Tested at their ends, as in raster.glsl.
+        do {
+            uint x = x0;
+            do {
+                table[row + y * frame.tiles_x + x] += 1u;
+            } while (x++ < x1);
+        } while (y++ < y1);
     }
 }

@@ -19,14 +19,16 @@ void main() {
     for (uint i = run.x; i < run.y; ++i) {
         uint index = order[i];
         uint rect = rects[view * frame.total_count + index];
-        uint x0 = rect & 255u, y0 = (rect >> 8) & 255u, x1 = (rect >> 16) & 255u, y1 = rect >> 24;
-        for (uint y = y0; y <= y1; ++y) {
-            for (uint x = x0; x <= x1; ++x) {
+        if (rect == EMPTY_RECT) continue;
+        uint x0 = rect & 255u, y = (rect >> 8) & 255u, x1 = (rect >> 16) & 255u, y1 = rect >> 24;
+        do {
+            uint x = x0;
+            do {
                 uint tile = y * frame.tiles_x + x;
                 uint next = table[row + tile];
                 table[row + tile] = next + 1u;
                 pairs[tile_starts[view * tile_count() + tile] + next] = index;
-            }
-        }
+            } while (x++ < x1);
+        } while (y++ < y1);
     }
 }

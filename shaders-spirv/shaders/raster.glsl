@@ -20,6 +20,8 @@ layout(set = 0, binding = 6, std430) writeonly buffer DepthPicture { uint depth_
 const uint BLOCK_WIDTH = SUBGROUP > 64u ? 16u : 8u;
 const uint BLOCK_HEIGHT = 8u;
 const uint PIXELS = BLOCK_WIDTH * BLOCK_HEIGHT / SUBGROUP; // per lane
+const uint ROW_BLOCKS = TILE / BLOCK_WIDTH;
+const uint TILE_BLOCKS = ROW_BLOCKS * (TILE / BLOCK_HEIGHT);
 const uint BALLOT_WORDS = (SUBGROUP + 31u) / 32u;
 const float TRANSMITTANCE_CUT = ALPHA_CUT;
 // Room for rounding in the block test, which must never drop what a pixel would have kept.
@@ -77,8 +79,10 @@ Splat take(Splat own, uint from) { return handed[from]; }
 void main() {
     uint view = gl_WorkGroupID.z;
     uint lane = gl_SubgroupInvocationID;
-    uvec2 block = gl_WorkGroupID.xy * uvec2(BLOCK_WIDTH, BLOCK_HEIGHT);
-    uvec2 tile = block / TILE;
+    // The blocks of one tile follow one another, since they read the same splats.
+    uint part = gl_WorkGroupID.x % TILE_BLOCKS;
+    uvec2 tile = uvec2(gl_WorkGroupID.x / TILE_BLOCKS, gl_WorkGroupID.y);
+    uvec2 block = tile * TILE + uvec2(part % ROW_BLOCKS, part / ROW_BLOCKS) * uvec2(BLOCK_WIDTH, BLOCK_HEIGHT);
     uvec2 size = uvec2(frame.width, frame.height);
     if (any(greaterThanEqual(block, size))) return;
 
@@ -105,7 +109,8 @@ void main() {
         transmittance[i] = all(lessThan(at, size)) ? 1.0 : 0.0;
     }
 
-    for (uint base = start; base < end; base += SUBGROUP) {
+    uint base = start;
+    do {
         Splat own;
         bool touches = false;
         if (base + lane < end) {
@@ -121,7 +126,9 @@ void main() {
         uvec4 touching = subgroupBallot(touches);
         for (uint word = 0u; word < BALLOT_WORDS; ++word) {
             uint left = touching[word];
-            while (left != 0u) {
+            if (left == 0u) continue;
+            // Tested at its end: Mesa's llvmpipe runs the rest of a loop with no lanes where the test is before it.
+            do {
                 uint from = word * 32u + uint(findLSB(left));
                 left &= left - 1u;
                 Splat one = take(own, from);
@@ -136,13 +143,14 @@ void main() {
                     if (DEPTH) sum[i].a += weight * rgbz.a;
                     transmittance[i] -= weight;
                 }
-            }
+            } while (left != 0u);
         }
         float most = 0.0;
         for (uint i = 0u; i < PIXELS; ++i) most = max(most, transmittance[i]);
         if (subgroupAll(most < TRANSMITTANCE_CUT)) break;
         wait_for_hands();
-    }
+        base += SUBGROUP;
+    } while (base < end);
 
     for (uint i = 0u; i < PIXELS; ++i) {
         uint pixel = i * SUBGROUP + lane;

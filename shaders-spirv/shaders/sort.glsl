@@ -9,7 +9,8 @@ layout(set = 0, binding = 1, std430) readonly buffer Items { uint items[]; };
 #include "state.glsl"
 layout(set = 0, binding = 3, std430) buffer Bins { uint bins[]; };
 
-const uint CROWDED = 64u; // items of one key that are still ranked one by one
+const uint CROWDED = 64u; // items of one bin that are still ranked one by one
+const uint ITEMS_PER_PART = 4u; // of a crowded bin, at least, on average: see sort_part.glsl
 
 // Never falls as the value rises, in float arithmetic too: rounding is monotonic.
 uint key_of(uint value) {
@@ -20,3 +21,5 @@ uint key_of(uint value) {
     }
     return state.linear_start + state.linear_keys + ((value - state.fine_greatest) >> state.log_shift);
 }
+
+uint start_of(uint bin) { return bin == 0u ? 0u : bins[bin - 1u]; }

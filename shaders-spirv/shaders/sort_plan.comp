@@ -36,6 +36,15 @@ void main() {
     state.crowded_groups[0] = 0u;
     state.crowded_groups[1] = 1u;
     state.crowded_groups[2] = 1u;
+    state.part_items_groups[0] = 0u;
+    state.part_items_groups[1] = 1u;
+    state.part_items_groups[2] = 1u;
+    state.parts_groups[0] = 0u;
+    state.parts_groups[1] = 1u;
+    state.parts_groups[2] = 1u;
+    state.merge_groups[0] = 0u;
+    state.merge_groups[1] = 1u;
+    state.merge_groups[2] = 1u;
     state.draw[0] = 12u * QUADS_PER_INSTANCE; // four triangles each
     state.draw[1] = (state.count + QUADS_PER_INSTANCE - 1u) / QUADS_PER_INSTANCE;
     state.draw[2] = 0u;

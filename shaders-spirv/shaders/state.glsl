@@ -18,6 +18,9 @@ layout(set = 0, binding = STATE_BINDING, std430) STATE_ACCESS buffer State {
     // Indirect arguments.
     uint items_groups[3];
     uint crowded_groups[3];
+    uint part_items_groups[3];
+    uint parts_groups[3];
+    uint merge_groups[3];
     uint draw[5];
     // Written by weigh.comp for each picture: 1 where nothing may be drawn.
     uint refused;

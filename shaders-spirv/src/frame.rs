@@ -116,8 +116,14 @@ pub struct SortState {
     pub log_shift: u32,
     /// Workgroups of a pass over the items.
     pub items_groups: [u32; 3],
-    /// Workgroups of the pass over crowded bins.
+    /// Workgroups of the passes over crowded bins.
     pub crowded_groups: [u32; 3],
+    /// Workgroups of a pass over the items where bins are crowded, and none otherwise.
+    pub part_items_groups: [u32; 3],
+    /// Workgroups of the pass over the parts of crowded bins.
+    pub parts_groups: [u32; 3],
+    /// Workgroups of the pass over parts that are crowded themselves.
+    pub merge_groups: [u32; 3],
     /// `VkDrawIndexedIndirectCommand` of the quads.
     pub draw: [u32; 5],
     /// 1 where the foreground covers too many tiles and nothing may be drawn.
@@ -138,6 +144,9 @@ impl SortState {
         log_shift: 0,
         items_groups: [0; 3],
         crowded_groups: [0; 3],
+        part_items_groups: [0; 3],
+        parts_groups: [0; 3],
+        merge_groups: [0; 3],
         draw: [0; 5],
         refused: 0,
     };

@@ -5,6 +5,8 @@
 
 #![forbid(unsafe_code)]
 
+use std::mem::offset_of;
+
 mod alpha_cut;
 mod eye;
 mod frame;
@@ -36,5 +38,22 @@ pub const QUADS_PER_INSTANCE: u32 = 1 << 13;
 
 /// Elements one workgroup of the prefix sum takes; `BLOCK` in `shaders/scan.glsl`.
 pub const SCAN_BLOCK: u32 = 1024;
+
+/// Bytes of what the depth sort notes of a bin of more than 64 items; `Span` in `shaders/sort_part.glsl`.
+pub const SPAN_BYTES: u64 = 16;
+
+/// Items of such a bin for each of its parts; `ITEMS_PER_PART` in `shaders/sort.glsl`.
+pub const ITEMS_PER_PART: u32 = 4;
+
+/// The depth sort's passes over crowded bins in their order, each with where [`SortState`] says how many workgroups it has: none
+/// where no bin is crowded. The specialisation constant is that of the passes over items.
+pub const SORT_CROWDED: [(Shader, usize); 6] = [
+    (SORT_PART_SPAN, offset_of!(SortState, crowded_groups)),
+    (SORT_PART_COUNT, offset_of!(SortState, part_items_groups)),
+    (SORT_PART_SCAN, offset_of!(SortState, crowded_groups)),
+    (SORT_PART_SCATTER, offset_of!(SortState, part_items_groups)),
+    (SORT_PART_ORDER, offset_of!(SortState, parts_groups)),
+    (SORT_MERGE, offset_of!(SortState, merge_groups)),
+];
 
 include!(concat!(env!("OUT_DIR"), "/shaders.rs"));

@@ -212,6 +212,9 @@ fn the_sort_state_lies_as_the_shaders_read_it() {
                 log_shift: log_shift,
                 items_groups: items_groups,
                 crowded_groups: crowded_groups,
+                part_items_groups: part_items_groups,
+                parts_groups: parts_groups,
+                merge_groups: merge_groups,
                 draw: draw,
                 refused: refused,
             }

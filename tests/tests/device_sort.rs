@@ -139,6 +139,35 @@ fn millions_of_equal_keys_keep_their_order() {
 }
 
 #[test]
+fn crowded_depths_of_few_values_are_sorted() {
+    let Some(gpu) = gpu() else { return };
+    let count = 1 << 18;
+    let mut sorter = Sorter::new(&gpu, 1 << 18).expect("a sorter");
+    let mut random = Random::new(9);
+    let mut pick = |choices: &[f32]| -> Vec<f32> {
+        (0..count)
+            .map(|_| {
+                choices[usize::try_from(random.bits() >> 40).expect("24 bits") % choices.len()]
+            })
+            .collect()
+    };
+    let neighbours: Vec<f32> = (0..30)
+        .map(|step| f32::from_bits(2.5f32.to_bits() + step))
+        .collect();
+    let walls = [1.0, 2.5, 2.6, 40.0];
+    let [mut near, mut far] = [pick(&neighbours), pick(&walls)];
+    assert_depths_sorted(&mut sorter, &near, "neighbouring depths");
+    assert_depths_sorted(&mut sorter, &far, "four walls");
+    // In one bin with a stray: the neighbours differ in the lowest of many bits, and are told apart by merging.
+    for depths in [&mut near, &mut far] {
+        depths[77] = 1e30;
+        depths[78] = 1e-30;
+        assert_depths_sorted(&mut sorter, depths, "few depths and strays");
+    }
+    assert_silent(&gpu);
+}
+
+#[test]
 fn the_device_sorts_as_std_does_whatever_the_keys() {
     let Some(gpu) = gpu() else { return };
     let sorter = RefCell::new(Sorter::new(&gpu, 4_000).expect("a sorter"));

@@ -67,7 +67,8 @@ fn renderers(module: &Module, constant: &str, subgroup: u32) -> Option<u32> {
         // tiles.rs: few lanes, small groups.
         ("bin_count" | "bin_emit", "GROUP") => Some(32),
         // sort.rs.
-        ("sort_count" | "sort_scatter" | "sort_rank", "GROUP") | (_, "SORT_GROUP") => Some(256),
+        (sort, "GROUP") if sort.starts_with("sort_") => Some(256),
+        (_, "SORT_GROUP") => Some(256),
         // Not left to the default, which glslang loses where the shader reads it nowhere.
         (_, "GROUP") => Some(64),
         _ => None,

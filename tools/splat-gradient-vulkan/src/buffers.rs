@@ -5,7 +5,7 @@ use bytemuck::Pod;
 use renderer_vulkan::buffer::{Buffer, MemoryUsage};
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
-use shaders_spirv::{SCAN_BLOCK, SortState, TILE_PIXELS};
+use shaders_spirv::{ITEMS_PER_PART, SCAN_BLOCK, SPAN_BYTES, SortState, TILE_PIXELS};
 use splat_gradient::attributes::ATTRIBUTES;
 use splat_gradient::picture::CHANNELS;
 use std::sync::Arc;
@@ -149,6 +149,9 @@ pub(crate) struct Buffers {
     pub(crate) bins: Buffer,
     pub(crate) placed: [Buffer; 2],
     pub(crate) crowded: Buffer,
+    /// What the sort notes of crowded bins, and their parts.
+    pub(crate) spans: Buffer,
+    pub(crate) parts: Buffer,
     pub(crate) order: Buffer,
     pub(crate) block_sums: Buffer,
     pub(crate) table: Buffer,
@@ -205,6 +208,14 @@ impl Buffers {
                 storage("placed items", gaussians)?,
             ],
             crowded: storage("crowded bins", gaussians / (CROWDED + 1))?,
+            spans: storage(
+                "spans of crowded bins",
+                (gaussians / (CROWDED + 1) + 1) * (SPAN_BYTES / 4),
+            )?,
+            parts: storage(
+                "parts of crowded bins",
+                gaussians / u64::from(ITEMS_PER_PART) + 1,
+            )?,
             order: storage("sorted order", gaussians)?,
             block_sums: storage("prefix sums", scanned.div_ceil(u64::from(SCAN_BLOCK)))?,
             table: storage("tile counts", tiles * u64::from(lanes))?,

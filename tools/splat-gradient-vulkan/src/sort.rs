@@ -34,7 +34,8 @@ pub(crate) struct Sort {
     scan: Scan,
     scatter: Pass,
     rank: Pass,
-    crowded: Pass,
+    /// Each with where the state says how many workgroups it has.
+    crowded: Vec<(Pass, usize)>,
 }
 
 impl Sort {
@@ -50,7 +51,10 @@ impl Sort {
             scan: Scan::new(gpu, |b| &b.bins, buffers)?,
             scatter: make(SORT_SCATTER, &[ITEMS], |b| sorted(b, 6))?,
             rank: make(SORT_RANK, &[ITEMS], |b| sorted(b, 8))?,
-            crowded: make(SORT_CROWDED, &[], |b| sorted(b, 8))?,
+            crowded: SORT_CROWDED
+                .into_iter()
+                .map(|(shader, groups)| Ok((make(shader, &[ITEMS], |b| sorted(b, 10))?, groups)))
+                .collect::<Result<_, VulkanError>>()?,
         })
     }
 
@@ -60,8 +64,10 @@ impl Sort {
             &mut self.count,
             &mut self.scatter,
             &mut self.rank,
-            &mut self.crowded,
         ] {
+            pass.bind(buffers);
+        }
+        for (pass, _) in &mut self.crowded {
             pass.bind(buffers);
         }
         self.scan.bind(buffers);
@@ -81,7 +87,6 @@ impl Sort {
     /// Records the sort of the collected items and makes the order visible.
     pub(crate) fn record(&self, gpu: &Gpu, commands: vk::CommandBuffer, buffers: &Buffers) {
         let items = offset_of!(SortState, items_groups) as u64;
-        let crowded = offset_of!(SortState, crowded_groups) as u64;
         let state = &buffers.state;
         self.plan.dispatch(commands, &[], [1; 3]);
         barrier(gpu, commands);
@@ -92,8 +97,10 @@ impl Sort {
         barrier(gpu, commands);
         self.rank.dispatch_indirect(commands, state, items);
         barrier(gpu, commands);
-        self.crowded.dispatch_indirect(commands, state, crowded);
-        barrier(gpu, commands);
+        for (pass, groups) in &self.crowded {
+            pass.dispatch_indirect(commands, state, *groups as u64);
+            barrier(gpu, commands);
+        }
     }
 }
 
@@ -109,6 +116,8 @@ fn sorted(buffers: &Buffers, count: usize) -> Vec<Resource<'_>> {
         items,
         &buffers.order,
         &buffers.crowded,
+        &buffers.spans,
+        &buffers.parts,
     ];
     all.into_iter().take(count).map(Resource::Storage).collect()
 }

@@ -1,5 +1,6 @@
 //! Counting sort on the device: 65,536 bins of 16-bit keys, then exactly by (value, item) within a bin. Where there are
-//! so many items that bins would be crowded, keys get up to four bits more.
+//! so many items that bins would be crowded, keys get up to four bits more; a bin that is crowded all the same, as of many
+//! equal values, is counted and scattered once more by the bits that its items differ in.
 //!
 //! How many items there are is known to the device alone: every pass is dispatched by counts in a buffer. The
 //! atomics that fill a bin fall in any order; the last passes make the result the same every time.
@@ -15,7 +16,7 @@ use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
 use renderer_vulkan::pipeline::{ComputePipeline, Specialisation};
 use renderer_vulkan::timestamps::Timestamps;
-use shaders_spirv::{QUADS_PER_INSTANCE, SortState};
+use shaders_spirv::{ITEMS_PER_PART, QUADS_PER_INSTANCE, SORT_CROWDED, SPAN_BYTES, SortState};
 
 use crate::error::RenderError;
 use crate::scan::Scan;
@@ -52,11 +53,12 @@ pub(crate) struct SortPasses {
     scan: Scan,
     scatter: ComputePipeline,
     rank: ComputePipeline,
-    crowded: ComputePipeline,
+    /// Each with where the state says how many workgroups it has.
+    crowded: Vec<(ComputePipeline, usize)>,
     bins: Buffer,
     order: Buffer,
-    _crowded_bins: Buffer,
     _placed: [Buffer; 2],
+    _crowded: [Buffer; 3],
 }
 
 impl SortPasses {
@@ -79,6 +81,11 @@ impl SortPasses {
         let placed_items = Buffer::storage(gpu, "placed items", bytes)?;
         let most_crowded = (input.capacity / (CROWDED + 1)).max(1);
         let crowded_bins = Buffer::storage(gpu, "crowded bins", u64::from(most_crowded) * 4)?;
+        // A bin finds its span by where it starts.
+        let spans = u64::from(input.capacity / (CROWDED + 1) + 1) * SPAN_BYTES;
+        let spans = Buffer::storage(gpu, "spans of crowded bins", spans)?;
+        let parts = u64::from(input.capacity / ITEMS_PER_PART + 1) * 4;
+        let parts = Buffer::storage(gpu, "parts of crowded bins", parts)?;
         let resources = [
             input.values,
             input.items,
@@ -88,6 +95,8 @@ impl SortPasses {
             &placed_items,
             &order,
             &crowded_bins,
+            &spans,
+            &parts,
         ]
         .map(Resource::Storage);
         let make = |shader, constants: &[u32], resources: &[Resource<'_>]| {
@@ -98,6 +107,10 @@ impl SortPasses {
             ComputePipeline::new(gpu, shader, specialisation, resources)
         };
         let by_item = &[ITEM_GROUP][..];
+        let crowded = SORT_CROWDED
+            .into_iter()
+            .map(|(shader, groups)| Ok((make(shader.words, by_item, &resources)?, groups)))
+            .collect::<Result<_, VulkanError>>()?;
         Ok(Self {
             gpu: Arc::clone(gpu),
             plan: make(
@@ -108,12 +121,12 @@ impl SortPasses {
             count: make(shaders_spirv::SORT_COUNT.words, by_item, &resources[..4])?,
             scan: Scan::new(gpu, &bins, bin_count)?,
             scatter: make(shaders_spirv::SORT_SCATTER.words, by_item, &resources[..6])?,
-            rank: make(shaders_spirv::SORT_RANK.words, by_item, &resources)?,
-            crowded: make(shaders_spirv::SORT_CROWDED.words, &[], &resources)?,
+            rank: make(shaders_spirv::SORT_RANK.words, by_item, &resources[..8])?,
+            crowded,
             bins,
             order,
-            _crowded_bins: crowded_bins,
             _placed: [placed_values, placed_items],
+            _crowded: [crowded_bins, spans, parts],
         })
     }
 
@@ -146,7 +159,6 @@ impl SortPasses {
     /// Records the sort of the collected items and makes the order visible.
     pub(crate) fn record(&self, commands: vk::CommandBuffer, state: &Buffer) {
         let by_item = offset_of!(SortState, items_groups) as u64;
-        let by_crowded = offset_of!(SortState, crowded_groups) as u64;
         let gpu = &self.gpu;
         self.plan.dispatch(commands, &[], [1, 1, 1]);
         barrier(gpu, commands);
@@ -157,8 +169,10 @@ impl SortPasses {
         barrier(gpu, commands);
         self.rank.dispatch_indirect(commands, state, by_item);
         barrier(gpu, commands);
-        self.crowded.dispatch_indirect(commands, state, by_crowded);
-        barrier(gpu, commands);
+        for (pass, groups) in &self.crowded {
+            pass.dispatch_indirect(commands, state, *groups as u64);
+            barrier(gpu, commands);
+        }
     }
 }
 

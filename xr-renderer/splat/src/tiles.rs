@@ -253,8 +253,8 @@ impl Tiles {
             views,
         } = Layout::of(target);
         // Each workgroup draws a block: 16x8 pixels by the widest subgroups, 8x8 by all others.
-        let blocks_x = if self.gpu.subgroup_size() > 64 { 1 } else { 2 };
-        let groups = [tiles_x * blocks_x, tiles_y * 2, views];
+        let tile_blocks = if self.gpu.subgroup_size() > 64 { 2 } else { 4 };
+        let groups = [tiles_x * tile_blocks, tiles_y, views];
         self.raster.dispatch(commands, &[], groups);
         barrier(&self.gpu, commands);
     }

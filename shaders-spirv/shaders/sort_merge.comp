@@ -1,9 +1,10 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-#include "sort.glsl"
+#define MERGES
+#include "sort_part.glsl"
 
-// One workgroup per crowded bin (many Gaussians at one depth): a merge sort in which all invocations take part in every
-// merge, so that millions of equal keys take a moment and do not run into a watchdog.
+// One workgroup per part that is crowded itself: a merge sort in which all invocations take part in every merge, so that
+// no distribution of values runs into a watchdog.
 
 const uint MERGERS = 256u;
 const uint RUN = 16u; // items that one invocation sorts before merging begins
@@ -11,7 +12,6 @@ layout(local_size_x = 256) in;
 
 layout(set = 0, binding = 5, std430) coherent buffer PlacedItems { uint placed_items[]; };
 layout(set = 0, binding = 6, std430) coherent buffer Order { uint order[]; };
-layout(set = 0, binding = 7, std430) readonly buffer Crowded { uint crowded[]; };
 
 bool from_order; // which of the two holds the runs
 
@@ -30,13 +30,13 @@ bool before(uint i, uint j) {
 
 void insertion_sort(uint start, uint end) {
     for (uint i = start + 1u; i < end; ++i) {
-        uint moved = placed_items[i];
+        uint moved = order[i];
         uint hole = i;
-        while (hole > start && before(moved, placed_items[hole - 1u])) {
-            placed_items[hole] = placed_items[hole - 1u];
+        while (hole > start && before(moved, order[hole - 1u])) {
+            order[hole] = order[hole - 1u];
             --hole;
         }
-        placed_items[hole] = moved;
+        order[hole] = moved;
     }
 }
 
@@ -67,15 +67,16 @@ void merge(uint pair, uint end, uint width, uint from, uint to) {
 }
 
 void main() {
-    uint bin = crowded[gl_WorkGroupID.x];
-    uint start = bin == 0u ? 0u : bins[bin - 1u];
-    uint end = bins[bin];
+    uint part = crowded[gl_WorkGroupID.x];
+    uvec2 own = items_of(part, start_of(key_of(placed_values[part * ITEMS_PER_PART])));
+    uint start = own.x;
+    uint end = own.y;
     uint me = gl_LocalInvocationID.x;
     for (uint run = start + me * RUN; run < end; run += MERGERS * RUN) insertion_sort(run, min(run + RUN, end));
     memoryBarrierBuffer();
     barrier();
 
-    from_order = false;
+    from_order = true;
     uint per_merger = (end - start + MERGERS - 1u) / MERGERS;
     for (uint width = RUN; width < end - start; width *= 2u) {
         uint at = start + me * per_merger;
