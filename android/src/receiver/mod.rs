@@ -10,6 +10,7 @@ mod microphone;
 mod missing;
 mod network;
 mod profile;
+mod shown;
 mod turn;
 
 use crate::first_run;
@@ -23,6 +24,7 @@ use missing::show_until_closed;
 use renderer_openxr::error::XrError;
 use renderer_openxr::headset::HeadsetOptions;
 use renderer_openxr::runtime::Runtime;
+use shown::ShownFrames;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
@@ -67,7 +69,7 @@ pub struct HeadsetReceiver {
     control: Control,
     thread: Option<JoinHandle<()>>,
     over: Arc<AtomicBool>,
-    frames: Arc<AtomicU64>,
+    frames: ShownFrames,
 }
 
 impl HeadsetReceiver {
@@ -79,14 +81,14 @@ impl HeadsetReceiver {
             control: Control::default(),
             thread: None,
             over: Arc::default(),
-            frames: Arc::default(),
+            frames: ShownFrames::default(),
         }
     }
 
     /// Frames with people that were shown so far; other threads may read it.
     #[must_use]
     pub fn frames(&self) -> Arc<AtomicU64> {
-        Arc::clone(&self.frames)
+        self.frames.with_people()
     }
 }
 
@@ -96,7 +98,7 @@ impl Receiver for HeadsetReceiver {
             return;
         };
         let (control, over) = (self.control.clone(), Arc::clone(&self.over));
-        let frames = self.frames();
+        let frames = self.frames.clone();
         let work = move || {
             if let Err(error) = run(device, &launch, &control, &frames)
                 && !has_left(&error)
@@ -125,6 +127,7 @@ impl Receiver for HeadsetReceiver {
     }
 
     fn resume(&mut self) {
+        self.frames.resume();
         self.control.resume();
     }
 
@@ -157,7 +160,7 @@ struct TaskContext<'a> {
     leave: Arc<dyn WearersLeave>,
     launch: &'a Launch,
     control: &'a Control,
-    frames: &'a AtomicU64,
+    frames: &'a ShownFrames,
 }
 
 /// Whether the error means only that the activity ended before anything was shown.
@@ -170,7 +173,7 @@ fn run(
     device: Device,
     launch: &Launch,
     control: &Control,
-    frames: &AtomicU64,
+    frames: &ShownFrames,
 ) -> anyhow::Result<()> {
     let Some(_turn) = HEADSET.wait(control) else {
         return Ok(());
