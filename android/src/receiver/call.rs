@@ -20,7 +20,7 @@ use app_session::overlay::Notice;
 use app_session::participant::{CallReport, NetworkContext, Origin, Participant};
 use app_session::session::{Session, SessionConfig, SessionReport};
 use link_call::Credentials;
-use link_http::{Client, PackageCache};
+use link_http::PackageCache;
 use link_http::cache::PackageInUse;
 use link_playout::Clock;
 use link_protocol::RoomLink;
@@ -46,7 +46,7 @@ pub(super) fn run(
     let threads = Network::start()?;
     let network = NetworkContext {
         network: threads.handle().clone(),
-        client: Client::new(None)?,
+        client: task.client(settings)?,
         own: Some(Credentials::new(
             task.launch.folders.keys()?.identity().clone(),
         )),

@@ -28,7 +28,7 @@ use call_member::{
 use identity::Keyring;
 use link_call::{Credentials, Door, Sender};
 use link_codec::Codec;
-use link_http::{Client, PackageCache};
+use link_http::PackageCache;
 use link_playout::Clock;
 use link_protocol::announcement::ChannelMode;
 use link_protocol::limits::MAX_PEOPLE;
@@ -73,7 +73,7 @@ pub(super) fn run(
         settings,
         network: NetworkContext {
             network: threads.handle().clone(),
-            client: Client::new(None)?,
+            client: task.client(settings)?,
             own: Some(Credentials::new(keyring.identity().clone())),
             clock: Clock::start(),
         },

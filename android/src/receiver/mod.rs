@@ -17,9 +17,11 @@ use crate::first_run;
 use crate::launch::Launch;
 use crate::lifecycle::{Receiver, Trim};
 use crate::settings::{Settings, Task};
+use anyhow::Context;
 use app_pipeline::control::Control;
 use app_session::display::SessionError;
 use app_session::headset::HeadsetHandle;
+use link_http::Client;
 use missing::show_until_closed;
 use renderer_openxr::error::XrError;
 use renderer_openxr::headset::HeadsetOptions;
@@ -232,6 +234,13 @@ impl TaskContext<'_> {
             return Ok(None);
         };
         HeadsetHandle::open(self.open_xr.clone(), options).map(Some)
+    }
+
+    /// For servers, with the certificates that the settings trust besides the public ones.
+    fn client(&self, settings: &Settings) -> anyhow::Result<Client> {
+        let file = settings.ca.value.as_ref();
+        let file = file.map(|file| self.launch.folders.certificates(file.as_str()));
+        Client::new(file.as_deref()).context("the certificates that the setting `ca` names")
     }
 
     /// ONNX Runtime.
