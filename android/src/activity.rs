@@ -8,6 +8,7 @@ use crate::receiver::{Device, HeadsetReceiver, WearersLeave};
 use crate::storage::Folders;
 use android_activity::{AndroidApp, InputStatus, MainEvent, PollEvent};
 use renderer_openxr::runtime::Runtime;
+use std::ffi::c_int;
 use std::sync::{Arc, Once};
 use std::time::Duration;
 
@@ -119,6 +120,21 @@ fn device(app: &AndroidApp) -> Device {
         }),
         onnx_runtime: libraries.map(|folder| folder.join("libonnxruntime.so")),
         leave,
+        give_memory_back,
+    }
+}
+
+/// Has bionic's allocator give back to the system what was freed and is kept for later.
+fn give_memory_back() {
+    /// `M_PURGE` of bionic's malloc.h, from Android 9 on.
+    const PURGE: c_int = -101;
+    unsafe extern "C" {
+        fn mallopt(option: c_int, value: c_int) -> c_int;
+    }
+    // SAFETY: two numbers; an allocator that does not know the option does nothing.
+    let done = unsafe { mallopt(PURGE, 0) };
+    if done == 0 {
+        log::debug!("the allocator gives nothing back");
     }
 }
 

@@ -23,6 +23,7 @@ use app_session::display::SessionError;
 use app_session::headset::HeadsetHandle;
 use link_http::Client;
 use missing::show_until_closed;
+use profile_report::resident_bytes;
 use renderer_openxr::error::XrError;
 use renderer_openxr::headset::HeadsetOptions;
 use renderer_openxr::runtime::Runtime;
@@ -45,6 +46,8 @@ pub struct Device {
     pub onnx_runtime: Option<PathBuf>,
     /// Whether the app may hear and watch its wearer.
     pub leave: Arc<dyn WearersLeave>,
+    /// Gives back to the system what the allocator keeps for later.
+    pub give_memory_back: fn(),
 }
 
 /// The wearer's leave to record what they say, and to watch their body, face and eyes, which they give and take in the headset.
@@ -67,6 +70,7 @@ impl std::fmt::Debug for Device {
 /// Shows the call in the headset.
 #[derive(Debug)]
 pub struct HeadsetReceiver {
+    give_memory_back: fn(),
     device: Option<Device>,
     control: Control,
     thread: Option<JoinHandle<()>>,
@@ -79,6 +83,7 @@ impl HeadsetReceiver {
     #[must_use]
     pub fn new(device: Device) -> Self {
         Self {
+            give_memory_back: device.give_memory_back,
             device: Some(device),
             control: Control::default(),
             thread: None,
@@ -134,8 +139,16 @@ impl Receiver for HeadsetReceiver {
     }
 
     fn trim_memory(&mut self, _what: Trim) {
-        // All memory was made ready before the first frame, and all of it is in use: there are no caches to give back.
-        log::warn!("the system is short of memory");
+        // What pictures need was made ready before the first frame, and is in use. What loading, trying placements and networks that were not chosen took
+        // was freed, and the allocator keeps it.
+        let before = resident_bytes().unwrap_or(0);
+        (self.give_memory_back)();
+        let now = resident_bytes().unwrap_or(0);
+        log::warn!(
+            "the system is short of memory: {:.0} MB of {:.0} MB are given back",
+            before.saturating_sub(now) as f64 / 1e6,
+            before as f64 / 1e6
+        );
     }
 
     fn leave(&mut self) {
