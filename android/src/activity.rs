@@ -6,11 +6,12 @@ use crate::lifecycle::{Driver, Event};
 use crate::logcat;
 use crate::receiver::{Device, HeadsetReceiver, WearersLeave};
 use crate::storage::Folders;
+use crate::succession::Place;
 use android_activity::{AndroidApp, InputStatus, MainEvent, PollEvent};
 use renderer_openxr::runtime::Runtime;
 use std::ffi::c_int;
 use std::sync::{Arc, Once};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How often to check whether the call has ended by itself.
 const LOOK: Duration = Duration::from_millis(250);
@@ -28,7 +29,10 @@ fn android_main(app: AndroidApp) {
     let _another_may_come = Unregistered::new(&app);
     logcat::start();
     log::info!("Mon3tr {}", env!("CARGO_PKG_VERSION"));
-    let mut driver = driver(&app);
+    let intent = java::intent(&app);
+    let extras = intent.extras.iter().map(|(name, _)| name.as_str());
+    let place = Place::enter(extras, intent.link.as_deref());
+    let mut driver = driver(&app, intent);
     if driver.is_none() {
         java::finish(&app);
     }
@@ -48,6 +52,14 @@ fn android_main(app: AndroidApp) {
         // A destroyed activity needs no finish().
         if !destroyed && !closing && driver.as_ref().is_some_and(Driver::has_ended) {
             log::info!("the call is over: closing the app");
+            java::finish(&app);
+            closing = true;
+        }
+        if !destroyed
+            && !closing
+            && let Some(reason) = place.is_over(Instant::now())
+        {
+            log::info!("{}", reason.text());
             java::finish(&app);
             closing = true;
         }
@@ -80,7 +92,7 @@ impl Drop for Unregistered<'_> {
 }
 
 /// What drives the call; nothing on a device that has no place for files.
-fn driver(app: &AndroidApp) -> Option<Driver<HeadsetReceiver>> {
+fn driver(app: &AndroidApp, intent: java::Intent) -> Option<Driver<HeadsetReceiver>> {
     let Some(own) = app.internal_data_path() else {
         log::error!("Android names no folder for the app's files: nothing can be done");
         return None;
@@ -91,7 +103,6 @@ fn driver(app: &AndroidApp) -> Option<Driver<HeadsetReceiver>> {
         );
         own.clone()
     });
-    let intent = java::intent(app);
     let launch = Launch::new(
         (intent.extras.iter()).map(|(name, text)| (name.as_str(), text.as_str())),
         intent.link.as_deref(),

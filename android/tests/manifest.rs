@@ -96,7 +96,7 @@ fn every_entry_that_quest_needs_is_there() {
     for (attribute, value) in [
         ("name", "android.app.NativeActivity"),
         ("exported", "true"),
-        ("launchMode", "singleTask"),
+        ("launchMode", "standard"),
         ("resizeableActivity", "false"),
         ("screenOrientation", "landscape"),
     ] {

@@ -30,7 +30,7 @@ pub(crate) struct Case {
 }
 
 /// All of them, the quickest first.
-pub(crate) const CASES: [Case; 16] = [
+pub(crate) const CASES: [Case; 17] = [
     Case {
         name: "first-run",
         shows: "an app that knows no room says in the headset what to type",
@@ -45,6 +45,11 @@ pub(crate) const CASES: [Case; 16] = [
         name: "two-activities",
         shows: "a second activity beside the first does not abort the process",
         perform: activities::two_at_once,
+    },
+    Case {
+        name: "link-follows",
+        shows: "a link that is opened while the app runs joins that room, and a launch without one goes back to the call",
+        perform: activities::a_link_while_it_runs,
     },
     Case {
         name: "runtime-restarts",
