@@ -10,6 +10,7 @@ mod member;
 mod panics;
 mod placement;
 mod profile;
+mod prove;
 mod two_headsets;
 
 use crate::environment::Environment;
@@ -30,7 +31,7 @@ pub(crate) struct Case {
 }
 
 /// All of them, the quickest first.
-pub(crate) const CASES: [Case; 17] = [
+pub(crate) const CASES: [Case; 18] = [
     Case {
         name: "first-run",
         shows: "an app that knows no room says in the headset what to type",
@@ -110,6 +111,11 @@ pub(crate) const CASES: [Case; 17] = [
         name: "profile",
         shows: "a measurement of five seconds leaves all its files",
         perform: profile::perform,
+    },
+    Case {
+        name: "prove",
+        shows: "android/prove.sh, in short, with the rehearsal as its device: a row for every claim, and none that did not hold",
+        perform: prove::perform,
     },
     Case {
         name: "leaks",
