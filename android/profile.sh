@@ -9,7 +9,10 @@ avatar=${MON3TR_CACHE:-$repo/.cache}/avatars/demo-60000-v3.m3a
 seconds=60
 out=$repo/out/profile-quest
 serial=
+placement=
 install=1
+# shellcheck source=android/headset.sh
+. "$repo/android/headset.sh"
 
 usage() {
 	cat <<'HELP'
@@ -20,17 +23,13 @@ profile.html, trace.json (for ui.perfetto.dev), profile.json and profile.txt, th
 the sensor between its lenses: it draws nothing while it is not worn.
 
   --seconds N        how long to measure, 5 to 3600 [default: 60]
+  --placement SPEC   where stages run, as docs/profile.md has it (cpu,npu=nnapi) [default: the app's setting]
   --avatar FILE      the avatar to show [default: the demo avatar, which ./run demo or ./run bake leaves in .cache]
   --out FOLDER       where the files go [default: out/profile-quest]
   --device SERIAL    which headset, where there are several (adb devices lists them)
   --no-install       measure with the app that is installed
   -h, --help         this text
 HELP
-}
-
-die() {
-	printf '\nandroid/profile.sh: %s\n' "$*" >&2
-	exit 1
 }
 
 # wanted OPTION VALUE...: that there is a value.
@@ -41,6 +40,7 @@ while [ $# != 0 ]; do
 	case $1 in
 	-h | --help) usage && exit ;;
 	--seconds) wanted "$@" && seconds=$2 && shift ;;
+	--placement) wanted "$@" && placement=$2 && shift ;;
 	--avatar) wanted "$@" && avatar=$2 && shift ;;
 	--out) wanted "$@" && out=$2 && shift ;;
 	--device) wanted "$@" && serial=$2 && shift ;;
@@ -57,54 +57,15 @@ done
 if [[ ! $seconds =~ ^[1-9][0-9]{0,3}$ ]] || [ "$seconds" -lt 5 ] || [ "$seconds" -gt 3600 ]; then
 	die "--seconds $seconds is not a whole number of 5 to 3600"
 fi
+[[ $placement =~ ^[a-z=,-]*$ ]] || die "--placement $placement is none: docs/profile.md has them"
 if [ "$install" = 1 ] && [ ! -f "$apk" ]; then
 	die "there is no $apk: build it, name another APK, or measure with the installed one (--no-install)"
 fi
 
 [ -f "$avatar" ] || die "there is no avatar $avatar: run ./run demo once, or name another package with --avatar"
 
-manifest=$repo/android/AndroidManifest.xml
-package=$(sed -n 's/^[[:space:]]*\(<manifest .*\)\{0,1\}package="\([A-Za-z0-9_.]*\)".*/\2/p' "$manifest" | head -n 1)
-[ -n "$package" ] || die "$manifest names no package"
-# The app's own folder on what Android calls external storage, which adb may read.
-folder=/sdcard/Android/data/$package/files/profile
-
-command -v adb >/dev/null || die "adb is missing: install Android's platform tools (Debian: apt-get install adb)"
-
-# The one device, or the one that was asked for.
-choose_device() {
-	local line state=() others=() one
-	adb start-server >/dev/null 2>&1 || die "adb does not start: $(adb start-server 2>&1 | tail -n 1)"
-	while read -r line; do
-		one=${line%%[[:space:]]*}
-		[ -n "$one" ] || continue
-		line=${line#"$one"}
-		line=${line#"${line%%[![:space:]]*}"}
-		others+=("$one")
-		state+=("${line%%[[:space:]]*}")
-	done < <(adb devices | tr -d '\r' | sed 1d)
-	if [ ${#others[@]} = 0 ]; then
-		die "adb sees no headset: connect it, turn on developer mode, and allow debugging in the headset"
-	fi
-	if [ -z "$serial" ]; then
-		[ ${#others[@]} = 1 ] || die "adb sees several devices (${others[*]}): choose one with --device SERIAL"
-		serial=${others[0]}
-	fi
-	for one in "${!others[@]}"; do
-		if [ "${others[$one]}" != "$serial" ]; then continue; fi
-		case ${state[$one]} in
-		device) return ;;
-		unauthorized) die "$serial does not trust this computer: put the headset on and allow debugging" ;;
-		*) die "$serial is ${state[$one]}: connect it again, or restart it" ;;
-		esac
-	done
-	die "adb sees no device $serial, but ${others[*]}"
-}
-
-device() { adb -s "$serial" "$@"; }
-
-# ask COMMAND: what the headset's shell answers, without the carriage returns of old ones.
-ask() { device shell "$1" </dev/null 2>/dev/null | tr -d '\r'; }
+find_package
+folder=$files/profile
 
 # What the app said last, then the end.
 die_with_log() {
@@ -115,24 +76,18 @@ die_with_log() {
 
 choose_device
 if [ "$install" = 1 ]; then
-	printf 'Installing %s on %s\n' "${apk##*/}" "$serial"
-	if ! said=$(device install -r "$apk" 2>&1) || [[ $said == *Failure* ]]; then
-		case $said in
-		*UPDATE_INCOMPATIBLE*) die "the $package that is installed was signed with another key: adb -s $serial uninstall $package, then run this again" ;;
-		*) die "adb could not install $apk: ${said##*$'\n'}" ;;
-		esac
-	fi
+	install_app "$apk"
 elif [[ $(ask "pm path $package") != package:* ]]; then
 	die "$package is not installed on $serial: leave --no-install out"
 fi
 
 # An earlier profile's file must not end this one.
 device shell "am force-stop $package; rm -f $folder/finished" </dev/null >/dev/null || die "$serial does not answer"
-device shell "mkdir -p ${folder%/*}" </dev/null >/dev/null || die "$serial lets adb not write to ${folder%/*}"
-said=$(device push "$avatar" "${folder%/*}/avatar.m3a" 2>&1) || die "adb could not copy $avatar: ${said##*$'\n'}"
+device shell "mkdir -p $files" </dev/null >/dev/null || die "$serial lets adb not write to $files"
+said=$(device push "$avatar" "$files/avatar.m3a" 2>&1) || die "adb could not copy $avatar: ${said##*$'\n'}"
 device logcat -c 2>/dev/null || true
 printf 'Measuring for %s s; keep the headset on\n' "$seconds"
-said=$(device shell "am start -n $package/android.app.NativeActivity --es profile $seconds" </dev/null 2>&1) || said="Error: $said"
+said=$(device shell "am start -n $package/android.app.NativeActivity --es profile $seconds${placement:+ --es placement $placement}" </dev/null 2>&1) || said="Error: $said"
 [[ $said != *Error* ]] || die "the app does not start: $(printf '%s' "$said" | grep -m 1 Error)"
 
 # Besides measuring: loading, choosing where stages run, warming up, writing.

@@ -45,6 +45,11 @@ rehearsal_changes() {
 	rehearsal_state | { grep -vxFf "$rehearsed" || true; } | cut -d' ' -f2 | paste -sd' '
 }
 
+# is_a_part ARGS...: a case, or a command with the rehearsal as its device, not the whole
+is_a_part() {
+	case " $* " in *" --case"* | *" --device "*) ;; *) return 1 ;; esac
+}
+
 # rehearse [--if-changed] ARGS...
 rehearse() {
 	local changes="" state arguments=()
@@ -71,14 +76,8 @@ rehearse() {
 	# What is about to be built: an edit made meanwhile was not rehearsed.
 	state=$(rehearsal_state)
 	# One case alone is a developer's: the package waits for the whole.
-	case " $* " in
-	*" --case"*) ;;
-	*) cargo test --manifest-path "$repo/Cargo.toml" --package mon3tr-dev --test apk -- --include-ignored ;;
-	esac
+	if ! is_a_part "$@"; then cargo test --manifest-path "$repo/Cargo.toml" --package mon3tr-dev --test apk -- --include-ignored; fi
 	cargo build --manifest-path "$repo/Cargo.toml" --package mon3tr --package android-rehearsal
 	"${CARGO_TARGET_DIR:-$repo/target}/debug/rehearse-android" "$@"
-	case " $* " in
-	*" --case"*) ;;
-	*) printf '%s\n' "$state" >"$rehearsed" ;;
-	esac
+	if ! is_a_part "$@"; then printf '%s\n' "$state" >"$rehearsed"; fi
 }

@@ -6,10 +6,12 @@ use crate::lifecycle::{Driver, Event};
 use crate::logcat;
 use crate::receiver::{Device, HeadsetReceiver, WearersLeave};
 use crate::storage::Folders;
+use crate::succession::Place;
 use android_activity::{AndroidApp, InputStatus, MainEvent, PollEvent};
 use renderer_openxr::runtime::Runtime;
+use std::ffi::c_int;
 use std::sync::{Arc, Once};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How often to check whether the call has ended by itself.
 const LOOK: Duration = Duration::from_millis(250);
@@ -27,7 +29,10 @@ fn android_main(app: AndroidApp) {
     let _another_may_come = Unregistered::new(&app);
     logcat::start();
     log::info!("Mon3tr {}", env!("CARGO_PKG_VERSION"));
-    let mut driver = driver(&app);
+    let intent = java::intent(&app);
+    let extras = intent.extras.iter().map(|(name, _)| name.as_str());
+    let place = Place::enter(extras, intent.link.as_deref());
+    let mut driver = driver(&app, intent);
     if driver.is_none() {
         java::finish(&app);
     }
@@ -47,6 +52,14 @@ fn android_main(app: AndroidApp) {
         // A destroyed activity needs no finish().
         if !destroyed && !closing && driver.as_ref().is_some_and(Driver::has_ended) {
             log::info!("the call is over: closing the app");
+            java::finish(&app);
+            closing = true;
+        }
+        if !destroyed
+            && !closing
+            && let Some(reason) = place.is_over(Instant::now())
+        {
+            log::info!("{}", reason.text());
             java::finish(&app);
             closing = true;
         }
@@ -79,7 +92,7 @@ impl Drop for Unregistered<'_> {
 }
 
 /// What drives the call; nothing on a device that has no place for files.
-fn driver(app: &AndroidApp) -> Option<Driver<HeadsetReceiver>> {
+fn driver(app: &AndroidApp, intent: java::Intent) -> Option<Driver<HeadsetReceiver>> {
     let Some(own) = app.internal_data_path() else {
         log::error!("Android names no folder for the app's files: nothing can be done");
         return None;
@@ -90,7 +103,6 @@ fn driver(app: &AndroidApp) -> Option<Driver<HeadsetReceiver>> {
         );
         own.clone()
     });
-    let intent = java::intent(app);
     let launch = Launch::new(
         (intent.extras.iter()).map(|(name, text)| (name.as_str(), text.as_str())),
         intent.link.as_deref(),
@@ -119,6 +131,21 @@ fn device(app: &AndroidApp) -> Device {
         }),
         onnx_runtime: libraries.map(|folder| folder.join("libonnxruntime.so")),
         leave,
+        give_memory_back,
+    }
+}
+
+/// Has bionic's allocator give back to the system what was freed and is kept for later.
+fn give_memory_back() {
+    /// `M_PURGE` of bionic's malloc.h, from Android 9 on.
+    const PURGE: c_int = -101;
+    unsafe extern "C" {
+        fn mallopt(option: c_int, value: c_int) -> c_int;
+    }
+    // SAFETY: two numbers; an allocator that does not know the option does nothing.
+    let done = unsafe { mallopt(PURGE, 0) };
+    if done == 0 {
+        log::debug!("the allocator gives nothing back");
     }
 }
 

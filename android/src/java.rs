@@ -1,6 +1,6 @@
 //! Calls to the activity's Java side: the intent that started it, with its extras and its data, permissions, and to close.
 //!
-//! A `NativeActivity` gets no later intents: one that comes while it lives brings it to the front, and is lost.
+//! A `NativeActivity` gets no later intents: one that comes while it lives makes another activity (`succession.rs`), or is lost.
 
 use crate::settings::Key;
 use android_activity::AndroidApp;

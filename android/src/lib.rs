@@ -8,6 +8,7 @@
 //! | folders, and packages kept in them | [`storage`] |
 //! | logcat, and panics in it | [`logcat`] |
 //! | the panel while a setting is missing | [`first_run`] |
+//! | which activity stays, where a link is opened while the app runs | [`succession`] |
 //! | the call itself, behind [`lifecycle::Receiver`] | [`receiver`] |
 
 #[cfg(target_os = "android")]
@@ -22,3 +23,4 @@ pub mod package;
 pub mod receiver;
 pub mod settings;
 pub mod storage;
+pub mod succession;

@@ -96,7 +96,7 @@ fn every_entry_that_quest_needs_is_there() {
     for (attribute, value) in [
         ("name", "android.app.NativeActivity"),
         ("exported", "true"),
-        ("launchMode", "singleTask"),
+        ("launchMode", "standard"),
         ("resizeableActivity", "false"),
         ("screenOrientation", "landscape"),
     ] {
@@ -306,5 +306,22 @@ fn there_is_an_icon_of_every_density_with_something_on_it() {
         assert_eq!(icon.get_pixel(0, 0)[3], 0, "{density}: round corners");
         let colours: BTreeSet<[u8; 4]> = icon.pixels().map(|pixel| pixel.0).collect();
         assert!(colours.len() > 200, "{density}: {} colours", colours.len());
+    }
+}
+
+#[test]
+fn launchers_that_cut_icons_to_their_shape_find_two_layers_that_fill_it() {
+    let icon = text("res/mipmap-anydpi-v26/ic_launcher.xml");
+    let icon = Document::parse(&icon).expect("XML");
+    for layer in ["background", "foreground"] {
+        let drawn = get(one(icon.root_element(), layer), "drawable");
+        let name = drawn.strip_prefix("@drawable/").expect("a drawable");
+        let drawing = text(&format!("res/drawable/{name}.xml"));
+        let drawing = Document::parse(&drawing).expect("XML");
+        let drawing = drawing.root_element();
+        for (attribute, value) in [("width", "108dp"), ("viewportHeight", "108")] {
+            assert_eq!(get(drawing, attribute), value, "{layer}'s {attribute}");
+        }
+        assert!(all(drawing, "path").count() > 0, "{layer} shows something");
     }
 }

@@ -3,6 +3,7 @@
 
 use super::TaskContext;
 use super::network::Network;
+use super::shown::ShownFrames;
 use crate::first_run;
 use crate::settings::Settings;
 use anyhow::Context;
@@ -19,16 +20,21 @@ use app_session::overlay::Notice;
 use app_session::participant::{CallReport, NetworkContext, Origin, Participant};
 use app_session::session::{Session, SessionConfig, SessionReport};
 use link_call::Credentials;
+use link_http::PackageCache;
 use link_http::cache::PackageInUse;
-use link_http::{Client, PackageCache};
 use link_playout::Clock;
 use link_protocol::RoomLink;
 use link_voice::VoiceQueue;
+use profile_report::{Measured, SessionTerms};
 use spmm3::Avatar;
 use spmm3::package::PackageLimits;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::available_parallelism;
+use std::time::Duration;
+
+/// What a call's pictures are measured over, at most: its end.
+const MEASURED: Duration = Duration::from_secs(30);
 
 /// Shows the people in `rooms`.
 pub(super) fn run(
@@ -40,7 +46,7 @@ pub(super) fn run(
     let threads = Network::start()?;
     let network = NetworkContext {
         network: threads.handle().clone(),
-        client: Client::new(None)?,
+        client: task.client(settings)?,
         own: Some(Credentials::new(
             task.launch.folders.keys()?.identity().clone(),
         )),
@@ -98,7 +104,7 @@ pub(super) fn present(settings: &Settings) -> PresentOptions {
 }
 
 /// Counts the frames with people in them, for other threads.
-struct Counter<'a>(&'a AtomicU64);
+struct Counter<'a>(&'a ShownFrames);
 
 impl FrameObserver for Counter<'_> {
     fn is_over(&self, _shown: u64) -> bool {
@@ -106,7 +112,7 @@ impl FrameObserver for Counter<'_> {
     }
 
     fn wants_pictures(&mut self, _shown: u64, has_people: bool) -> bool {
-        self.0.fetch_add(u64::from(has_people), Relaxed);
+        self.0.count(has_people);
         false
     }
 
@@ -245,6 +251,41 @@ pub(super) fn log_figures(figures: &CallFigures) {
     );
 }
 
+/// Logs how the people's pictures came, a line each.
+pub(super) fn log_pictures(session: &SessionReport, headset: &HeadsetFigures) {
+    let begin = session.ended.checked_sub(MEASURED);
+    for person in &session.people {
+        let Some(call) = &person.call else {
+            continue;
+        };
+        let terms = SessionTerms {
+            time: [
+                begin.map_or(session.began, |begin| begin.max(session.began)),
+                session.ended,
+            ],
+            display_period: headset.display_period(),
+            motion_hz: call.figures.announced.rate_hz,
+            encode: None,
+        };
+        let of = Measured::of(session, person, &terms).measured;
+        let latency = of.latency.map_or_else(String::new, |latency| {
+            let whole = latency.whole;
+            format!(
+                "; to the display {:.1} ms, 99 % within {:.1} ms",
+                whole.p50_ms, whole.p99_ms
+            )
+        });
+        log::info!(
+            "pictures of a person: {} in {:.1} s, {:.1} of {:.0} a second, {} late{latency}",
+            of.pictures.shown,
+            of.seconds,
+            of.pictures.per_second,
+            of.display_hz,
+            of.pictures.late
+        );
+    }
+}
+
 /// Logs how the calls ended. Returns whether to wait for the next ones, because the senders ended these.
 fn log_calls(session: SessionReport, headset: &HeadsetFigures) -> anyhow::Result<bool> {
     let frames = &headset.frames;
@@ -253,6 +294,7 @@ fn log_calls(session: SessionReport, headset: &HeadsetFigures) -> anyhow::Result
         frames.shown,
         frames.late
     );
+    log_pictures(&session, headset);
     let (mut ended, mut failed) = (false, Vec::new());
     for person in session.people {
         failed.extend(person.error.map(anyhow::Error::from));

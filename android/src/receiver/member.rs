@@ -1,10 +1,11 @@
 //! A member of a call of several: the wearer is sent, seen and heard, and everyone else is shown and heard.
 
 use super::TaskContext;
-use super::call::{config, log_figures, notice, present};
+use super::call::{config, log_figures, log_pictures, notice, present};
 use super::microphone::AllowedMicrophone;
 use super::missing::show_until_closed;
 use super::network::Network;
+use super::shown::ShownFrames;
 use crate::first_run;
 use crate::settings::Settings;
 use anyhow::{Context, anyhow};
@@ -27,7 +28,7 @@ use call_member::{
 use identity::Keyring;
 use link_call::{Credentials, Door, Sender};
 use link_codec::Codec;
-use link_http::{Client, PackageCache};
+use link_http::PackageCache;
 use link_playout::Clock;
 use link_protocol::announcement::ChannelMode;
 use link_protocol::limits::MAX_PEOPLE;
@@ -39,7 +40,7 @@ use spmm3::Avatar;
 use spmm3::package::PackageLimits;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::channel;
 use std::thread::available_parallelism;
 use std::time::{Duration, Instant};
@@ -72,7 +73,7 @@ pub(super) fn run(
         settings,
         network: NetworkContext {
             network: threads.handle().clone(),
-            client: Client::new(None)?,
+            client: task.client(settings)?,
             own: Some(Credentials::new(keyring.identity().clone())),
             clock: Clock::start(),
         },
@@ -329,6 +330,7 @@ impl Member<'_> {
             (shown, sent.join())
         });
         let shown = shown?;
+        log_pictures(&shown, &display.into_figures());
         for person in &shown.people {
             if let Some(error) = &person.error {
                 log::warn!("a person was not shown any longer: {error}");
@@ -402,7 +404,7 @@ impl Member<'_> {
 
 /// Counts the frames with people in them, and ends the session when it is time to leave.
 struct Watch<'a> {
-    frames: &'a AtomicU64,
+    frames: &'a ShownFrames,
     stop: &'a AtomicBool,
 }
 
@@ -412,7 +414,7 @@ impl FrameObserver for Watch<'_> {
     }
 
     fn wants_pictures(&mut self, _shown: u64, has_people: bool) -> bool {
-        self.frames.fetch_add(u64::from(has_people), Relaxed);
+        self.frames.count(has_people);
         false
     }
 

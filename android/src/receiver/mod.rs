@@ -10,19 +10,24 @@ mod microphone;
 mod missing;
 mod network;
 mod profile;
+mod shown;
 mod turn;
 
 use crate::first_run;
 use crate::launch::Launch;
 use crate::lifecycle::{Receiver, Trim};
 use crate::settings::{Settings, Task};
+use anyhow::Context;
 use app_pipeline::control::Control;
 use app_session::display::SessionError;
 use app_session::headset::HeadsetHandle;
+use link_http::Client;
 use missing::show_until_closed;
+use profile_report::resident_bytes;
 use renderer_openxr::error::XrError;
 use renderer_openxr::headset::HeadsetOptions;
 use renderer_openxr::runtime::Runtime;
+use shown::ShownFrames;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
@@ -41,6 +46,8 @@ pub struct Device {
     pub onnx_runtime: Option<PathBuf>,
     /// Whether the app may hear and watch its wearer.
     pub leave: Arc<dyn WearersLeave>,
+    /// Gives back to the system what the allocator keeps for later.
+    pub give_memory_back: fn(),
 }
 
 /// The wearer's leave to record what they say, and to watch their body, face and eyes, which they give and take in the headset.
@@ -63,11 +70,12 @@ impl std::fmt::Debug for Device {
 /// Shows the call in the headset.
 #[derive(Debug)]
 pub struct HeadsetReceiver {
+    give_memory_back: fn(),
     device: Option<Device>,
     control: Control,
     thread: Option<JoinHandle<()>>,
     over: Arc<AtomicBool>,
-    frames: Arc<AtomicU64>,
+    frames: ShownFrames,
 }
 
 impl HeadsetReceiver {
@@ -75,18 +83,19 @@ impl HeadsetReceiver {
     #[must_use]
     pub fn new(device: Device) -> Self {
         Self {
+            give_memory_back: device.give_memory_back,
             device: Some(device),
             control: Control::default(),
             thread: None,
             over: Arc::default(),
-            frames: Arc::default(),
+            frames: ShownFrames::default(),
         }
     }
 
     /// Frames with people that were shown so far; other threads may read it.
     #[must_use]
     pub fn frames(&self) -> Arc<AtomicU64> {
-        Arc::clone(&self.frames)
+        self.frames.with_people()
     }
 }
 
@@ -96,7 +105,7 @@ impl Receiver for HeadsetReceiver {
             return;
         };
         let (control, over) = (self.control.clone(), Arc::clone(&self.over));
-        let frames = self.frames();
+        let frames = self.frames.clone();
         let work = move || {
             if let Err(error) = run(device, &launch, &control, &frames)
                 && !has_left(&error)
@@ -125,12 +134,21 @@ impl Receiver for HeadsetReceiver {
     }
 
     fn resume(&mut self) {
+        self.frames.resume();
         self.control.resume();
     }
 
     fn trim_memory(&mut self, _what: Trim) {
-        // All memory was made ready before the first frame, and all of it is in use: there are no caches to give back.
-        log::warn!("the system is short of memory");
+        // What pictures need was made ready before the first frame, and is in use. What loading, trying placements and networks that were not chosen took
+        // was freed, and the allocator keeps it.
+        let before = resident_bytes().unwrap_or(0);
+        (self.give_memory_back)();
+        let now = resident_bytes().unwrap_or(0);
+        log::warn!(
+            "the system is short of memory: {:.0} MB of {:.0} MB are given back",
+            before.saturating_sub(now) as f64 / 1e6,
+            before as f64 / 1e6
+        );
     }
 
     fn leave(&mut self) {
@@ -157,7 +175,7 @@ struct TaskContext<'a> {
     leave: Arc<dyn WearersLeave>,
     launch: &'a Launch,
     control: &'a Control,
-    frames: &'a AtomicU64,
+    frames: &'a ShownFrames,
 }
 
 /// Whether the error means only that the activity ended before anything was shown.
@@ -170,7 +188,7 @@ fn run(
     device: Device,
     launch: &Launch,
     control: &Control,
-    frames: &AtomicU64,
+    frames: &ShownFrames,
 ) -> anyhow::Result<()> {
     let Some(_turn) = HEADSET.wait(control) else {
         return Ok(());
@@ -229,6 +247,13 @@ impl TaskContext<'_> {
             return Ok(None);
         };
         HeadsetHandle::open(self.open_xr.clone(), options).map(Some)
+    }
+
+    /// For servers, with the certificates that the settings trust besides the public ones.
+    fn client(&self, settings: &Settings) -> anyhow::Result<Client> {
+        let file = settings.ca.value.as_ref();
+        let file = file.map(|file| self.launch.folders.certificates(file.as_str()));
+        Client::new(file.as_deref()).context("the certificates that the setting `ca` names")
     }
 
     /// ONNX Runtime.

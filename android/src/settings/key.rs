@@ -31,11 +31,13 @@ pub enum Key {
     Profile,
     /// How much room packages may take.
     CacheMb,
+    /// Certificates of servers that are trusted besides the public ones: a file in the app's folder.
+    Ca,
 }
 
 impl Key {
     /// All of them.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Server,
         Self::Room,
         Self::Token,
@@ -49,6 +51,7 @@ impl Key {
         Self::Log,
         Self::Profile,
         Self::CacheMb,
+        Self::Ca,
     ];
 
     /// Its name as an extra and in the file.
@@ -68,6 +71,7 @@ impl Key {
             Self::Log => "log",
             Self::Profile => "profile",
             Self::CacheMb => "cache_mb",
+            Self::Ca => "ca",
         }
     }
 

@@ -19,4 +19,4 @@ pub(crate) use given::LONGEST_FILE;
 pub use key::{Key, Origin};
 pub use problem::Problem;
 pub use resolve::{Settings, Sources, Task};
-pub use values::{AvatarFile, DisplayRate, Sourced};
+pub use values::{AvatarFile, CertificateFile, DisplayRate, Sourced};

@@ -2,7 +2,9 @@
 
 use super::room::{line, read_call_link, read_room_link, read_server};
 use super::values::{self, read};
-use super::{AvatarFile, DisplayRate, Given, Key, Origin, Problem, Sourced, plain};
+use super::{
+    AvatarFile, CertificateFile, DisplayRate, Given, Key, Origin, Problem, Sourced, plain,
+};
 use app_pipeline::plan::PlacementRequest;
 use app_pipeline::timeline::LatencyMode;
 use link_protocol::{CallLink, PersonName, ProtocolError, RoomLink};
@@ -44,6 +46,8 @@ pub struct Settings {
     pub log: Sourced<LevelFilter>,
     /// Bytes of packages that are kept.
     pub cache_bytes: Sourced<u64>,
+    /// Certificates of servers that are trusted besides the public ones.
+    pub ca: Sourced<Option<CertificateFile>>,
 }
 
 /// The app's task.
@@ -114,8 +118,12 @@ impl Sources {
         let log = keep(self.log(), &mut problems);
         let cache = self.value(Key::CacheMb, CACHE, values::cache);
         let cache = keep(cache, &mut problems);
+        let ca = keep(
+            self.value(Key::Ca, None, values::certificates),
+            &mut problems,
+        );
         match (
-            task, avatar, name, seat, rate, placement, latency, log, cache,
+            task, avatar, name, seat, rate, placement, latency, log, cache, ca,
         ) {
             (
                 Some(task),
@@ -127,6 +135,7 @@ impl Sources {
                 Some(latency),
                 Some(log),
                 Some(cache_bytes),
+                Some(ca),
             ) if problems.is_empty() => Ok(Settings {
                 task,
                 avatar,
@@ -137,6 +146,7 @@ impl Sources {
                 latency,
                 log,
                 cache_bytes,
+                ca,
             }),
             _ => Err(problems),
         }

@@ -71,6 +71,18 @@ impl Default for AvatarFile {
     }
 }
 
+/// The name of a file of certificates (PEM) in the same folder.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CertificateFile(String);
+
+impl CertificateFile {
+    /// The name.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
 /// The value of one setting, or the given default where no source has one.
 pub(super) fn read<T>(
     key: Key,
@@ -144,9 +156,7 @@ pub(super) fn cache(text: &str) -> Result<u64, String> {
 }
 
 pub(super) fn avatar(text: &str) -> Result<AvatarFile, String> {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
-    let stem = text.strip_suffix(".m3a").unwrap_or_default();
-    if !stem.is_empty() && !stem.starts_with('.') && stem.chars().all(is_plain) {
+    if is_file_name(text, ".m3a") {
         Ok(AvatarFile(text.to_owned()))
     } else {
         Err(no(
@@ -155,6 +165,25 @@ pub(super) fn avatar(text: &str) -> Result<AvatarFile, String> {
             "the name of a file in the app's folder that ends with .m3a, of letters, digits, `.`, `_` and `-`",
         ))
     }
+}
+
+pub(super) fn certificates(text: &str) -> Result<Option<CertificateFile>, String> {
+    if is_file_name(text, ".pem") {
+        Ok(Some(CertificateFile(text.to_owned())))
+    } else {
+        Err(no(
+            text,
+            "file of certificates",
+            "the name of a file in the app's folder that ends with .pem, of letters, digits, `.`, `_` and `-`",
+        ))
+    }
+}
+
+/// Whether it names a file in the app's folder, and nothing outside it.
+fn is_file_name(text: &str, ending: &str) -> bool {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
+    let stem = text.strip_suffix(ending).unwrap_or_default();
+    !stem.is_empty() && !stem.starts_with('.') && stem.chars().all(is_plain)
 }
 
 /// What others read, in any script.

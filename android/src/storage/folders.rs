@@ -48,6 +48,12 @@ impl Folders {
         self.shared.join(name)
     }
 
+    /// A file of certificates of that name, where adb can push it.
+    #[must_use]
+    pub fn certificates(&self, name: &str) -> PathBuf {
+        self.shared.join(name)
+    }
+
     /// One's own key, and the permits of others' avatars and the keys that the wearer trusts, which adb can push and other apps cannot.
     ///
     /// # Errors

@@ -33,6 +33,8 @@ pub(crate) struct Environment {
     shims: PathBuf,
     host: PathBuf,
     mon3tr: PathBuf,
+    /// The folder of this and the other programs that were built.
+    programs: PathBuf,
     /// What `nativeLibraryDir` is on a headset.
     libraries: PathBuf,
     /// Where logs and pictures are left.
@@ -57,6 +59,7 @@ impl Environment {
             shims,
             host: program("android-host")?,
             mon3tr: program("mon3tr")?,
+            programs: beside.to_path_buf(),
             libraries: libraries.into(),
             left: repo.join("target/android-rehearsal"),
         })
@@ -128,6 +131,12 @@ impl Scene<'_> {
             }
         }
         Process::start(command, &self.folder)
+    }
+
+    /// One of the programs that were built, by its name; nothing if it was not.
+    pub(crate) fn program(&self, name: &str) -> Option<PathBuf> {
+        let program = self.environment.programs.join(name);
+        program.is_file().then_some(program)
     }
 
     fn open_xr_loader(&self) -> OsString {

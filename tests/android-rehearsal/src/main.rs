@@ -2,6 +2,7 @@
 
 mod app;
 mod cases;
+mod device;
 mod environment;
 mod process;
 mod report;
@@ -13,8 +14,9 @@ use clap::Parser;
 use environment::Environment;
 use report::{Performed, Report};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
+use std::process::{Command, ExitCode};
 use std::time::Instant;
+use test_support::monado::Compositor;
 use test_support::service::attended;
 
 /// Execute the headset's app on this machine, without Android, and put it through the cases
@@ -26,6 +28,9 @@ struct Options {
     /// Perform only this case; may be given several times
     #[arg(long, value_name = "NAME")]
     case: Vec<String>,
+    /// Run a command, with the rehearsal as the device that its adb sees, and no case
+    #[arg(long, value_name = "COMMAND", num_args = 1.., allow_hyphen_values = true, conflicts_with = "case")]
+    device: Vec<String>,
 }
 
 fn main() -> anyhow::Result<ExitCode> {
@@ -42,6 +47,12 @@ fn main() -> anyhow::Result<ExitCode> {
         cases: Vec::new(),
     };
     let environment = Environment::new(&repo, app, shims)?;
+    if let [program, arguments @ ..] = options.device.as_slice() {
+        let scene = environment.scene("device", Compositor::Null)?;
+        let status = device::execute(scene, Command::new(program).args(arguments))?;
+        let code = status.code().and_then(|code| u8::try_from(code).ok());
+        return Ok(code.map_or(ExitCode::FAILURE, ExitCode::from));
+    }
     for case in chosen {
         let performed = perform(case, &environment);
         performed.print();

@@ -49,9 +49,11 @@ struct Run {
 impl Headset {
     fn new() -> Self {
         let new = Self(tempfile::tempdir().expect("a temporary folder"));
-        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../android/profile.sh");
-        let script = fs::read_to_string(script).expect("the script");
-        new.write("repo/android/profile.sh", &script);
+        let android = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../android");
+        for file in ["profile.sh", "headset.sh"] {
+            let script = fs::read_to_string(android.join(file)).expect("the script");
+            new.write(&format!("repo/android/{file}"), &script);
+        }
         let manifest = format!(
             "<?xml version=\"1.0\"?>\n<!-- package=\"not.this\" -->\n<manifest xmlns:android=\"http://schemas.android.com/apk/res/android\"\n    package=\"{PACKAGE}\"\n    android:versionCode=\"1\">\n</manifest>\n"
         );
@@ -153,6 +155,16 @@ fn a_profile_is_installed_run_awaited_fetched_and_printed() {
         "in this order:\n{}",
         run.calls
     );
+}
+
+#[test]
+fn a_placement_is_handed_to_the_app() {
+    let headset = Headset::new();
+    let arguments = ["--placement", "cpu,npu=nnapi", "--out", "OUT", "APK"];
+    let run = headset.run(&arguments);
+    assert!(run.succeeded, "{}{}", run.out, run.err);
+    let wanted = "--es profile 60 --es placement cpu,npu=nnapi\n";
+    assert!(run.calls.contains(wanted), "{}", run.calls);
 }
 
 #[test]

@@ -163,9 +163,10 @@ fn every_setting_is_read_from_extras_and_from_the_file() {
         ("latency", "extrapolate"),
         ("log", "debug"),
         ("cache_mb", "1000"),
+        ("ca", "home.pem"),
     ];
     let file = "room = [\"https://a/rooms/A#t1\", \"http://b:1/rooms/B#t2\"]\nseat = true\nrate = 90\n\
-                placement = \"npu,npu=qnn\"\nlatency = \"extrapolate\"\nlog = \"debug\"\ncache_mb = 1000\n";
+                placement = \"npu,npu=qnn\"\nlatency = \"extrapolate\"\nlog = \"debug\"\ncache_mb = 1000\nca = \"home.pem\"\n";
     for (origin, settings) in [
         (Origin::Intent, read(&extras, None, None)),
         (Origin::File, read(&[], None, Some(file))),
@@ -197,6 +198,8 @@ fn every_setting_is_read_from_extras_and_from_the_file() {
         assert_eq!(settings.latency.value, LatencyMode::Extrapolate, "latency");
         assert_eq!(settings.log.value, LevelFilter::Debug, "log");
         assert_eq!(settings.cache_bytes.value, 1_000_000_000, "cache");
+        let ca = settings.ca.value.as_ref();
+        assert_eq!(ca.map(|file| file.as_str()), Some("home.pem"), "ca");
     }
     let untold = read(&[("room", LINK)], None, None).expect("a room");
     assert_eq!(
@@ -209,6 +212,7 @@ fn every_setting_is_read_from_extras_and_from_the_file() {
     );
     assert_eq!(untold.rate.value, None, "the rate that frames keep up with");
     assert_eq!(untold.cache_bytes.value, 512_000_000, "cache");
+    assert_eq!(untold.ca.value, None, "public certificates alone");
     let measured = read(&[("profile", "60")], None, None).expect("no room is needed");
     assert_eq!(
         measured.task,
@@ -327,6 +331,18 @@ fn an_invalid_value_is_refused_with_its_source_and_the_reason() {
             "whole seconds",
         ),
         (vec![("cache_mb", "-1")], None, None, "whole megabytes"),
+        (
+            vec![("ca", "../key.pem")],
+            None,
+            None,
+            "file of certificates",
+        ),
+        (
+            vec![("ca", "mon3tr.toml")],
+            None,
+            None,
+            "file of certificates",
+        ),
         (vec![("rate", "90\u{0}")], None, None, "U+0000"),
         (vec![("rate", "\u{202e}09")], None, None, "U+202E"),
         (vec![("room", "R\u{301}")], None, None, "U+0301"),

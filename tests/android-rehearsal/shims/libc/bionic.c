@@ -83,6 +83,9 @@ size_t android_malloc_usable_size(const void *p) {
   return malloc_usable_size((void *)p);
 }
 ANDROID(malloc_usable_size);
+// M_PURGE: free memory goes back to the system.
+int android_mallopt(int option, int value) { return (void)value, option == -101 ? malloc_trim(0), 1 : 0; }
+ANDROID(mallopt);
 int android_gettid(void) { return (int)syscall(SYS_gettid); }
 ANDROID(gettid);
 

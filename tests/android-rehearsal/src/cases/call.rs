@@ -80,6 +80,9 @@ pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<F
         process.logged("joined (session")
     );
 
+    let trimmed = process.logged("are given back");
+    ensure!(trimmed == 3, "the memory was trimmed {trimmed} times");
+
     // The sender's restart: the app waits for them, and sees them again.
     let own = sender.own.clone();
     sender.program.end();

@@ -10,6 +10,7 @@ mod member;
 mod panics;
 mod placement;
 mod profile;
+mod prove;
 mod two_headsets;
 
 use crate::environment::Environment;
@@ -30,7 +31,7 @@ pub(crate) struct Case {
 }
 
 /// All of them, the quickest first.
-pub(crate) const CASES: [Case; 16] = [
+pub(crate) const CASES: [Case; 18] = [
     Case {
         name: "first-run",
         shows: "an app that knows no room says in the headset what to type",
@@ -45,6 +46,11 @@ pub(crate) const CASES: [Case; 16] = [
         name: "two-activities",
         shows: "a second activity beside the first does not abort the process",
         perform: activities::two_at_once,
+    },
+    Case {
+        name: "link-follows",
+        shows: "a link that is opened while the app runs joins that room, and a launch without one goes back to the call",
+        perform: activities::a_link_while_it_runs,
     },
     Case {
         name: "runtime-restarts",
@@ -105,6 +111,11 @@ pub(crate) const CASES: [Case; 16] = [
         name: "profile",
         shows: "a measurement of five seconds leaves all its files",
         perform: profile::perform,
+    },
+    Case {
+        name: "prove",
+        shows: "android/prove.sh, in short, with the rehearsal as its device: a row for every claim, and none that did not hold",
+        perform: prove::perform,
     },
     Case {
         name: "leaks",

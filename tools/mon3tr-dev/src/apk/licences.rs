@@ -7,11 +7,12 @@ use std::path::Path;
 use std::process::Command;
 
 /// Files of the repository, each with its name in the package.
-const FILES: [(&str, &str); 4] = [
+const FILES: [(&str, &str); 5] = [
     ("LICENSE-APACHE", "LICENSE-APACHE"),
     ("LICENSE-MIT", "LICENSE-MIT"),
     ("tools/mon3tr/licences.txt", "crates.txt"),
     ("android/licences.txt", "libraries.txt"),
+    ("android/onnxruntime-notices.txt", "onnxruntime.txt"),
 ];
 /// The texts that crates bring.
 const NOTICES: &str = "notices.txt";

@@ -138,7 +138,9 @@ impl Bench<'_> {
         .map(OsString::from)
         .to_vec();
         arguments.extend(options.motion.arguments());
-        arguments.extend(["--avatar".into(), options.avatar.clone().into()]);
+        if let Some(avatar) = &options.avatar {
+            arguments.extend(["--avatar".into(), avatar.into()]);
+        }
         if let Some(voice) = &options.voice {
             arguments.extend(["--voice".into(), voice.clone().into()]);
         }

@@ -46,11 +46,11 @@ pub(super) fn run(
     server: &LocalServer,
     folder: &Path,
 ) -> anyhow::Result<()> {
-    let avatar = AvatarRef::of_file(&options.avatar)?;
+    let avatar = AvatarRef::of_file(options.avatar()?)?;
     network.block_on(client.put_package(
         &server.url,
         &server.owner_token,
-        &options.avatar,
+        options.avatar()?,
         |_, _| {},
     ))?;
     let (_, viewer) = network.block_on(server.open_room(client))?;

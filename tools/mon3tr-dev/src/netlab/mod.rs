@@ -3,6 +3,7 @@
 mod call;
 mod condition;
 mod download;
+mod front;
 
 use anyhow::{Context, ensure};
 use call::{Bench, Variant};
@@ -18,6 +19,7 @@ use mon3tr::performance::MotionOptions;
 use mon3tr::progress;
 use mon3tr::report::check_writable;
 use netlab::report::{Report, bitrate_chart, call_chart};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -25,8 +27,12 @@ use std::time::Duration;
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
     /// The avatar's package: what the calls are about
-    #[arg(long, value_name = "PACKAGE")]
-    avatar: PathBuf,
+    #[arg(long, value_name = "PACKAGE", required_unless_present = "before")]
+    avatar: Option<PathBuf>,
+    /// Hold the network in front of a server that runs, on its machine, until Ctrl-C, and hold no calls: viewers that take the address that is
+    /// printed for the server's get the network
+    #[arg(long, value_name = "ADDRESS:PORT", conflicts_with_all = ["avatar", "download"])]
+    before: Option<SocketAddr>,
     #[command(flatten)]
     motion: MotionOptions,
     /// Motions a second
@@ -60,15 +66,25 @@ pub(crate) struct Options {
     json: Option<PathBuf>,
 }
 
+impl Options {
+    fn avatar(&self) -> anyhow::Result<&Path> {
+        self.avatar.as_deref().context("no avatar was named")
+    }
+}
+
 /// Runs `netlab`.
 pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
+    if let Some(server) = options.before {
+        return front::hold(options, server);
+    }
     options.motion.check()?;
     options.json.as_deref().map_or(Ok(()), check_writable)?;
     options.out.as_deref().map_or(Ok(()), make_folder)?;
+    let avatar = options.avatar()?;
     ensure!(
-        options.avatar.is_file(),
+        avatar.is_file(),
         "there is no avatar package {}: `./run demo` leaves one in its cache, `mon3tr bake` makes others",
-        options.avatar.display()
+        avatar.display()
     );
     let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
     let server = LocalServer::start(folder.path())?;

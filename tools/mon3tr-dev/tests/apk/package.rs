@@ -124,6 +124,7 @@ fn the_licences_of_all_that_it_is_made_of_are_in_it() {
         "crates.txt",
         "libraries.txt",
         "notices.txt",
+        "onnxruntime.txt",
     ] {
         let name = format!("assets/licences/{name}");
         assert!(listed.lines().any(|line| line == name), "{name}: {listed}");
