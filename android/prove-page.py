@@ -143,6 +143,8 @@ def provider(plan, name, takes):
             raise Untried("the app was packaged without QNN (./run apk --with-qnn)")
         if why and name == "nnapi" and int(found.device.get("ro.build.version.sdk") or 0) < 29:
             raise Untried(f"Android's API {found.device.get('ro.build.version.sdk')} has no such NNAPI")
+        if why and "computes on the CPU alone" in why:
+            raise Untried(why)
         if why:
             return False, why
         of = found.profile(f"{plan},npu={name}")

@@ -78,6 +78,8 @@ patience=${MON3TR_PROVE_PATIENCE:-90}
 find_package
 choose_device
 mkdir -p "$out" || die "cannot make $out"
+if [ ! -f "$out/.proof" ] && [ -n "$(ls -A "$out")" ]; then die "$out has files that are no proof's: name an empty folder with --out"; fi
+: >"$out/.proof"
 # Of an earlier proof nothing is to count.
 rm -rf "$out"/{log,profile,server,steps.tsv,samples.tsv,device.txt,desk.json,proof.html}
 mkdir -p "$out/log" "$out/profile"
@@ -253,7 +255,9 @@ sample() {
 		heat=$(ask "dumpsys thermalservice")
 		status=$(sed -n 's/.*Thermal Status: *\([0-9]*\).*/\1/p' <<<"$heat" | head -n 1)
 		skin=$(sed -n 's/.*mValue=\([0-9.]*\).*mType=3,.*/\1/p' <<<"$heat" | sort -rn | head -n 1)
-		memory=$(ask "dumpsys meminfo $package" | sed -n 's/.*TOTAL PSS: *\([0-9]*\).*/\1/p; s/^ *TOTAL  *\([0-9]*\).*/\1/p' | head -n 1)
+		# It stops the app for a moment: not where rates and latencies are measured.
+		memory=
+		case $(cat "$out/step") in profile-*) ;; *) memory=$(ask "dumpsys meminfo $package" | sed -n 's/.*TOTAL PSS: *\([0-9]*\).*/\1/p; s/^ *TOTAL  *\([0-9]*\).*/\1/p' | head -n 1) ;; esac
 		printf '%s\t%s\t%s\t%s\t%s\n' "$SECONDS" "$(cat "$out/step")" "$status" "$skin" "$memory" >>"$out/samples.tsv"
 		sleep "$((short ? 1 : 5))"
 	done
@@ -270,9 +274,13 @@ leave() {
 	end_programs
 	for one in "${owned[@]}"; do
 		if [ -f "$out/$one.before" ]; then
-			device push "$out/$one.before" "$files/$one" >/dev/null 2>&1 && rm -f "$out/$one.before"
-		else
-			device shell "rm -f $files/$one" </dev/null >/dev/null 2>&1
+			if device push "$out/$one.before" "$files/$one" >/dev/null 2>&1; then
+				rm -f "$out/$one.before"
+			else
+				printf '%s: %s is not put back: it is in %s; the next proof with this --out puts it back\n' "${0##*/}" "$one" "$out/$one.before" >&2
+			fi
+		elif [ -f "$out/$one.absent" ]; then
+			device shell "rm -f $files/$one" </dev/null >/dev/null 2>&1 && rm -f "$out/$one.absent"
 		fi
 	done
 	ask "am broadcast -a com.oculus.vrpowermanager.automation_disable" >/dev/null
@@ -280,8 +288,15 @@ leave() {
 	rm -rf "$out/server"
 }
 for one in "${owned[@]}"; do
-	# Of a proof that was stopped in between.
-	[ -f "$out/$one.before" ] || device pull "$files/$one" "$out/$one.before" >/dev/null 2>&1 || rm -f "$out/$one.before"
+	# Of a proof that was stopped in between, they are here still.
+	if [ -f "$out/$one.before" ] || [ -f "$out/$one.absent" ]; then continue; fi
+	if said=$(device pull "$files/$one" "$out/$one.part" 2>&1); then
+		mv "$out/$one.part" "$out/$one.before"
+	elif [[ $said == *"does not exist"* || $said == *"No such file"* ]]; then
+		: >"$out/$one.absent"
+	else
+		die "adb could not copy the headset's $one, which this would replace: ${said##*$'\n'}"
+	fi
 done
 trap leave EXIT
 trap 'exit 130' INT TERM

@@ -30,9 +30,9 @@ fn android_main(app: AndroidApp) {
     logcat::start();
     log::info!("Mon3tr {}", env!("CARGO_PKG_VERSION"));
     let intent = java::intent(&app);
-    let extras = intent.extras.iter().map(|(name, _)| name.as_str());
-    let place = Place::enter(extras, intent.link.as_deref());
-    let mut driver = driver(&app, intent);
+    let launch = launch(&app, intent);
+    let place = Place::enter(launch.as_ref().is_some_and(Launch::leads_to_known));
+    let mut driver = launch.map(|launch| driver(&app, launch));
     if driver.is_none() {
         java::finish(&app);
     }
@@ -91,8 +91,8 @@ impl Drop for Unregistered<'_> {
     }
 }
 
-/// What drives the call; nothing on a device that has no place for files.
-fn driver(app: &AndroidApp, intent: java::Intent) -> Option<Driver<HeadsetReceiver>> {
+/// What the app is to do; nothing on a device that has no place for files.
+fn launch(app: &AndroidApp, intent: java::Intent) -> Option<Launch> {
     let Some(own) = app.internal_data_path() else {
         log::error!("Android names no folder for the app's files: nothing can be done");
         return None;
@@ -103,14 +103,18 @@ fn driver(app: &AndroidApp, intent: java::Intent) -> Option<Driver<HeadsetReceiv
         );
         own.clone()
     });
-    let launch = Launch::new(
+    Some(Launch::new(
         (intent.extras.iter()).map(|(name, text)| (name.as_str(), text.as_str())),
         intent.link.as_deref(),
         intent.trouble,
         Folders::new(own, shared),
-    );
+    ))
+}
+
+/// What drives the call.
+fn driver(app: &AndroidApp, launch: Launch) -> Driver<HeadsetReceiver> {
     log::set_max_level(launch.log_level);
-    Some(Driver::new(HeadsetReceiver::new(device(app)), launch))
+    Driver::new(HeadsetReceiver::new(device(app)), launch)
 }
 
 /// The package's libraries, and the activity that OpenXR's loader needs.

@@ -1,6 +1,6 @@
 //! The settings and folders of one launch of the app.
 
-use crate::settings::{Origin, Problem, Settings, Sources};
+use crate::settings::{Origin, Problem, Settings, Sources, Task};
 use crate::storage::Folders;
 use log::LevelFilter;
 use std::path::Path;
@@ -39,6 +39,27 @@ impl Launch {
             settings: sources.settings(),
             log_level: sources.log_level(),
             folders,
+        }
+    }
+
+    /// Whether it was opened to go where the wearer has agreed to go before. Nothing else is worth leaving a call for: any app can open this one, and who
+    /// is asked about a new server must have left the call to be asked.
+    #[must_use]
+    pub fn leads_to_known(&self) -> bool {
+        let Ok(settings) = &self.settings else {
+            return false;
+        };
+        let by_intent = |origin| matches!(origin, Origin::Link | Origin::Intent);
+        let known = self.folders.servers();
+        match &settings.task {
+            Task::Call(rooms) => {
+                by_intent(rooms.origin)
+                    && (rooms.value.iter()).all(|room| known.has(room.server(), None))
+            }
+            Task::Member(call) => {
+                by_intent(call.origin) && known.has(call.value.server(), Some(call.value.call()))
+            }
+            Task::Profile(_) => false,
         }
     }
 }
@@ -97,5 +118,27 @@ mod tests {
             ),
             "{problems:?}"
         );
+    }
+
+    #[test]
+    fn only_a_link_to_where_the_wearer_has_agreed_to_go_is_worth_leaving_a_call_for() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let folders = Folders::new(folder.path(), folder.path());
+        let opened = |extras: &[(&'static str, &'static str)], link| {
+            Launch::new(extras.iter().copied(), link, None, folders.clone()).leads_to_known()
+        };
+        let link = Some("mon3tr://room/https/meet.example/rooms/r1#token");
+        assert!(!opened(&[], link), "a server that is new here");
+        let server = "https://meet.example".parse().expect("an address");
+        folders.servers().add(&server, None).expect("a file");
+        assert!(opened(&[], link), "a known one");
+        assert!(!opened(&[], None), "the launcher");
+        assert!(
+            !opened(&[("profile", "60")], None),
+            "any app can ask for that"
+        );
+        assert!(!opened(&[], Some("mon3tr://room/nonsense")), "no link");
+        let call = Some("mon3tr://call/https/meet.example/calls/c1#token");
+        assert!(!opened(&[], call), "a call is agreed to by itself");
     }
 }

@@ -1,8 +1,7 @@
 //! Which of a process's activities is the one to stay. A `NativeActivity` gets no later intents, so a link that is opened while the app runs comes as an
-//! activity of its own, on top of the one before: it follows that one, which closes. One that was opened without a link or another task, as by the
-//! launcher, goes where the app is already.
+//! activity of its own, on top of the one before: where the wearer has agreed to go there before, it follows that one, which closes. Any other, such as the
+//! launcher's, goes where the app is already: a link to a server that is new here is asked about when no call runs.
 
-use crate::settings::Key;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -37,7 +36,7 @@ pub struct Place {
 pub enum Reason {
     /// A newer one was opened with a task.
     Followed,
-    /// An older one is there, and this one brings no task.
+    /// An older one is there, and this one brings no task, or none to leave a call for.
     NotNeeded,
 }
 
@@ -47,7 +46,9 @@ impl Reason {
     pub fn text(self) -> &'static str {
         match self {
             Self::Followed => "another link was opened: this call is left for it",
-            Self::NotNeeded => "the app runs already: going back to it",
+            Self::NotNeeded => {
+                "the app runs already, and what it was opened with leads nowhere that is known here: going back to it"
+            }
         }
     }
 }
@@ -79,11 +80,8 @@ impl Line {
 }
 
 impl Place {
-    /// Of an activity that was just made; `extras` and `link` are its intent's.
-    pub fn enter<'a>(extras: impl IntoIterator<Item = &'a str>, link: Option<&str>) -> Self {
-        let tasks = [Key::Room, Key::Call, Key::Profile].map(Key::name);
-        let mut extras = extras.into_iter();
-        let has_task = link.is_some() || extras.any(|name| tasks.contains(&name));
+    /// Of an activity that was just made, and whether it brings a task that a call is to be left for.
+    pub fn enter(has_task: bool) -> Self {
         OF_PROCESS.enter(has_task, Instant::now())
     }
 
@@ -131,12 +129,5 @@ mod tests {
         assert_eq!(launched.is_over(later), expected, "the other stays");
         drop(second);
         assert_eq!(launched.is_over(later), None, "it has become the only one");
-    }
-
-    #[test]
-    fn a_link_or_the_name_of_a_task_makes_an_activity_follow() {
-        assert!(Place::enter([], Some("mon3tr://room/x")).has_task, "a link");
-        assert!(Place::enter(["log", "call"], None).has_task, "a call");
-        assert!(!Place::enter(["log"], None).has_task, "only an option");
     }
 }

@@ -84,6 +84,8 @@ pub struct Timeline {
     seen: usize,
     /// Seconds between motion frames.
     period: f64,
+    /// Seconds between the last two states.
+    apart: f64,
     lag: f64,
     /// The newest state, and when the first picture after it was displayed.
     newest: Option<(Instant, Instant)>,
@@ -102,6 +104,7 @@ impl Timeline {
             ages: [0.0; WINDOW],
             seen: 0,
             period: 1.0 / 30.0,
+            apart: 0.0,
             lag: 0.0,
             newest: None,
             last: None,
@@ -117,6 +120,7 @@ impl Timeline {
     /// Takes note of the time between a state and the one before it.
     pub fn state_came(&mut self, before: Instant, due: Instant) {
         let apart = due.saturating_duration_since(before).as_secs_f64();
+        self.apart = apart;
         if (0.004..FURTHEST).contains(&apart) {
             self.period += (apart - self.period) * 0.1;
         }
@@ -154,7 +158,8 @@ impl Timeline {
             let most = elapsed * SLEW;
             self.lag += (wanted - self.lag).clamp(-most, most);
         }
-        self.lag = self.lag.min(age + BEHIND * self.period);
+        // Where states come more slowly than any motion is sent, as by slow networks, the next one is that far away, too.
+        self.lag = self.lag.min(age + BEHIND * self.period.max(self.apart));
         let moment = displayed
             .checked_sub(Duration::from_secs_f64(self.lag))
             .unwrap_or(displayed);
