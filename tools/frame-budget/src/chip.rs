@@ -21,6 +21,8 @@ pub struct Chip {
     pub latency: Estimate,
     /// Fragments blended into half floats in tile memory, in a cycle.
     pub blended: Estimate,
+    /// How much longer that takes with depth in an attachment of its own.
+    pub with_depth: Estimate,
     /// Triangles in a cycle, each of them once to find the tiles it touches and once to draw it.
     pub triangles: Estimate,
     /// How often a vertex is shaded: to find its tiles, and again in each tile it touches.
@@ -42,12 +44,13 @@ pub struct Chip {
 /// Meta Quest 3: Snapdragon XR2 Gen 2 with an Adreno 740v3.
 pub const QUEST_3: Chip = Chip {
     name: "Meta Quest 3",
-    gpu_clock: Estimate::new(492e3, 545e3, 599e3),
+    gpu_clock: Estimate::new(456e3, 456e3, 545e3),
     issues: Estimate::new(0.45 * 24.0, 0.8 * 24.0, 0.97 * 24.0),
     memory: Estimate::new(25e6, 33e6, 41e6),
     scattered: Estimate::new(0.2, 1.0, 4.0),
     latency: Estimate::new(0.2e-3, 0.4e-3, 0.9e-3),
     blended: Estimate::new(9.0, 14.0, 24.0),
+    with_depth: Estimate::new(1.0, 1.25, 2.0),
     triangles: Estimate::new(1.0, 2.0, 2.0),
     vertex_runs: Estimate::new(2.0, 2.5, 4.0),
     barrier: Estimate::new(0.005, 0.02, 0.05),
@@ -57,8 +60,8 @@ pub const QUEST_3: Chip = Chip {
     npu_call: Estimate::new(0.2, 0.5, 1.5),
     sources: &[
         (
-            "GPU clock 545 MHz (492 to 599)",
-            "published: levels 3 to 5 of Meta's \"CPU and GPU levels\", level 4 by default; the same steps are in Meta's kernel (anorak-gpu.dtsi). With passthrough Meta caps it at 456",
+            "GPU clock 456 MHz (to 545)",
+            "published: with passthrough, as the app shows people unless a scene is given, Meta caps it at level 2; without, level 4 (545) is usual. The same steps are in Meta's kernel (anorak-gpu.dtsi)",
         ),
         (
             "24 waves of 64 issue in a cycle; 80 % of that is reached (45 to 97)",
@@ -79,6 +82,10 @@ pub const QUEST_3: Chip = Chip {
         (
             "14 fragments blended into half floats in a cycle (9 to 24)",
             "the peak is 48 of 8 bits (X1-85); an Adreno 660's measured blending scaled by its units gives 28; half floats at half rate is a guess",
+        ),
+        (
+            "a second attachment, for depth, makes blending 1.25 times as long (1 to 2)",
+            "a guess: it has a quarter of the colours' bytes",
         ),
         (
             "2 triangles in a cycle (1 to 2)",

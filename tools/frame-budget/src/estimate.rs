@@ -46,6 +46,12 @@ impl Estimate {
     }
 }
 
+impl From<f64> for Estimate {
+    fn from(value: f64) -> Self {
+        Self::exactly(value)
+    }
+}
+
 impl Add for Estimate {
     type Output = Self;
 

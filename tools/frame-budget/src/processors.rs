@@ -37,14 +37,15 @@ impl Person {
     pub fn times(&self, whole: bool, on_npu: bool, chip: &Chip) -> ProcessorTimes {
         let gaussians = self.gaussians as f64;
         let weights = self.network_bytes + if whole { self.tail_bytes } else { 0 };
-        // Residuals (14 of 4 bytes) or the tail's bases; binding, template; the state.
+        // Residuals, 14 floats each, or the tail's bases.
         let tail = if whole {
             56.0 * gaussians
         } else {
             self.tail_bytes as f64
         };
-        let bound = tail + gaussians * (40.0 + 56.0 + 60.0) + 36.0 * self.vertices as f64;
-        // Two states of 15 floats, and 32 bytes written: as `bench kernels` counts.
+        // Binding and template are read, 14 floats of a state written.
+        let bound = tail + gaussians * (40.0 + 56.0 + 56.0) + 36.0 * self.vertices as f64;
+        // Two states of 14 floats, and 32 bytes written: as `bench kernels` counts.
         let between = gaussians * (2.0 * 56.0 + 32.0);
         let weights = weights as f64;
         ProcessorTimes {

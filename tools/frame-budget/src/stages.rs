@@ -7,8 +7,9 @@ use crate::work::Work;
 use renderer_splat::limits::{MOST_LISTING_BYTES, MOST_LISTING_LANES};
 use renderer_splat::options::BackEnd;
 use serde::Serialize;
+use shaders_spirv::SORT_CROWDED;
 
-/// How much longer the busiest of those invocations is at it than the mean: splats near the eye cover more tiles.
+/// How much longer the busiest of the invocations that list tiles is at it than the mean: splats near the eye cover more tiles.
 const UNEVEN: Estimate = Estimate::new(1.2, 2.0, 4.0);
 
 /// What sets a stage's time.
@@ -78,8 +79,8 @@ impl<'a> Load<'a> {
         self
     }
 
-    fn bytes(mut self, bytes: f64) -> Self {
-        self.add(Limit::Memory, Estimate::exactly(bytes) / self.chip.memory);
+    fn bytes(mut self, bytes: impl Into<Estimate>) -> Self {
+        self.add(Limit::Memory, bytes.into() / self.chip.memory);
         self
     }
 
@@ -216,7 +217,9 @@ fn sort(work: &Work, costs: &ShaderCosts, chip: &Chip) -> Result<StageEstimate, 
     // Where not every picture sorts, this is its share.
     let sorted = sorted * work.sort_share;
     let bins = bins * work.sort_share;
-    Ok(Load::new(chip, 8.0 * work.sort_share)
+    // Plan, count, two of the scan, scatter and rank, and those for crowded keys, which find nothing to do.
+    let passes = 6.0 + SORT_CROWDED.len() as f64;
+    Ok(Load::new(chip, passes * work.sort_share)
         .issues(all * waves(sorted))
         .bytes(sorted * 36.0 + bins * 20.0)
         // Depths by item; two atomic additions; what is placed, and the order.
@@ -256,9 +259,9 @@ fn bin(work: &Work, costs: &ShaderCosts, chip: &Chip) -> Result<StageEstimate, T
     Ok(Load::new(chip, 7.0)
         .issues(walk("bin_count compute 64")? + walk("bin_emit compute 64")? + sum)
         // The table: cleared, read and written by the sum. The picture is cleared here, too.
-        .bytes(3.0 * table + 2.0 * sorted * 4.0 * (1.0 + views) + 8.0 * work.pixels())
-        // A cell is read and written by each of two walks; the list's entry.
-        .scattered(5.0 * pairs)
+        .bytes(3.0 * table + 2.0 * sorted * 4.0 + 8.0 * work.pixels())
+        // A cell is read and written by each of two walks; where the list begins, and its entry. What each splat touches, by its number.
+        .scattered(6.0 * pairs + 2.0 * views * sorted)
         .chain(busiest * 2.0)
         .chain(Estimate::exactly(2.0 * a_run))
         .chain(Estimate::exactly(lanes))
@@ -281,11 +284,11 @@ fn raster(work: &Work, costs: &ShaderCosts, chip: &Chip) -> Result<StageEstimate
         .map(|view| view.most_blends)
         .max()
         .unwrap_or(0) as f64;
-    // A splat's 32 bytes and its entry, read by each of a tile's four blocks: once from memory at best, four times at worst.
-    let read = 64.0 * batches * 36.0;
+    // A splat's 32 bytes and its entry, read by each of a tile's four blocks: from memory once at best, by each of them at worst.
+    let read = Estimate::new(0.25, 0.5, 1.0) * (64.0 * batches * 36.0);
     Ok(Load::new(chip, 1.0)
         .issues(costs.issued("raster compute 64", &runs)?)
-        .bytes(0.5 * read + 64.0 * blocks * 8.0)
+        .bytes(read + Estimate::exactly(64.0 * blocks * 8.0))
         // The longest block's wave, one instruction after the other.
         .each_cycle(
             Limit::Latency,
@@ -301,22 +304,27 @@ fn quads(work: &Work, costs: &ShaderCosts, chip: &Chip) -> Result<StageEstimate,
     let quads = work.sorted as f64 * views;
     let vertex = costs.issued("quad vertex 64", &[("", 1.0)])?;
     let vertices = product(vertex * waves(6.0 * quads), chip.vertex_runs);
-    // Waves of 128 take two cycles for an instruction.
-    let shaded = work.sum(|view| view.shaded);
-    let fragment = costs.issued("quad fragment 128", &[("", 1.0)])? * (2.0 * shaded / 128.0);
+    // Waves of 128 take two cycles for an instruction. Where two triangles meet, both shade the two-by-twos between them.
+    let shaded = Estimate::new(1.0, 1.2, 1.4) * (2.0 * work.sum(|view| view.shaded) / 128.0);
+    let fragment = product(
+        costs.issued("quad_depth fragment 128", &[("", 1.0)])?,
+        shaded,
+    );
+    let blended = product(Estimate::exactly(fragments), chip.with_depth);
     Ok(Load::new(chip, 1.0)
         .issues(vertices + fragment)
-        .bytes(quads * 40.0 * chip.vertex_runs.likely)
+        .bytes(chip.vertex_runs * (quads * 40.0))
         .each_cycle(
             Limit::Triangles,
             Estimate::exactly(2.0 * 4.0 * quads),
             chip.triangles,
         )
-        .each_cycle(Limit::Blending, Estimate::exactly(fragments), chip.blended)
+        .each_cycle(Limit::Blending, blended, chip.blended)
         .end("quads"))
 }
 
-/// From the renderer's picture to the compositor's image: tiles are composed and copied, quads shown in the pass that drew them.
+/// From the renderer's picture to the compositor's image: tiles are composed and copied, quads shown in the pass that drew them, with the depth that the
+/// compositor's reprojection takes.
 ///
 /// # Errors
 /// A table of other shaders.
@@ -336,12 +344,137 @@ pub fn showing(
         }
         // What was drawn is still in tile memory.
         BackEnd::Quads => {
-            let show = costs.issued("show_eye fragment 128", &whole)?;
-            (show * (2.0 * pixels / 128.0), 4.0, 1.0)
+            let show = costs.issued("show_eye_depth fragment 128", &whole)?;
+            (show * (2.0 * pixels / 128.0), 4.0 + 4.0, 1.0)
         }
     };
     Ok(Load::new(chip, barriers)
         .issues(instructions)
         .bytes(bytes * pixels)
         .end("show"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::work::ViewWork;
+
+    /// Of round numbers: a thousand cycles a millisecond.
+    const CHIP: Chip = Chip {
+        name: "made up",
+        gpu_clock: Estimate::exactly(1e3),
+        issues: Estimate::exactly(10.0),
+        memory: Estimate::exactly(1e6),
+        scattered: Estimate::exactly(2.0),
+        latency: Estimate::exactly(1e-3),
+        blended: Estimate::exactly(4.0),
+        with_depth: Estimate::exactly(1.5),
+        triangles: Estimate::exactly(1.0),
+        vertex_runs: Estimate::exactly(2.0),
+        barrier: Estimate::NONE,
+        compositor: Estimate::NONE,
+        cpu_memory: Estimate::exactly(1e6),
+        npu_weights: Estimate::exactly(1e6),
+        npu_call: Estimate::exactly(1.0),
+        sources: &[],
+    };
+
+    fn work() -> Work {
+        Work {
+            gaussians: 6_400,
+            sorted: 3_200,
+            sort_share: 1.0,
+            size: [160, 160],
+            views: vec![ViewWork {
+                splats: 3_200,
+                tiles: 100,
+                pairs: 6_400,
+                blocks: 100,
+                batches: 200,
+                blends: 4_000,
+                most_blends: 100,
+                fragments: 80_000,
+                shaded: 100_000,
+                ..ViewWork::default()
+            }],
+        }
+    }
+
+    fn stage(chip: &Chip, back_end: BackEnd, name: &str) -> StageEstimate {
+        let stages = drawing(&work(), back_end, &ShaderCosts::of_table(), chip);
+        let mut stages = stages.expect("the table's shaders").into_iter();
+        stages.find(|stage| stage.stage == name).expect("a stage")
+    }
+
+    fn assert_is(stage: StageEstimate, limit: Limit, likely: f64) {
+        assert_eq!(stage.limit, limit, "{stage:?}");
+        assert!(
+            (stage.ms.likely - likely).abs() < 1e-9 * likely,
+            "{stage:?}"
+        );
+    }
+
+    #[test]
+    fn each_stage_takes_what_its_longest_part_takes() {
+        // 64 bytes each at a megabyte a millisecond.
+        assert_is(uploading(&work(), &CHIP), Limit::Memory, 0.4096);
+        // Seven words each, two a cycle.
+        let sort = stage(&CHIP, BackEnd::Tiles, "sort");
+        assert_is(sort, Limit::Scattered, 11.2);
+        // Six words a pair and two a sorted splat: 44,800.
+        let bin = stage(&CHIP, BackEnd::Tiles, "list tiles");
+        assert_is(bin, Limit::Scattered, 22.4);
+        // With none of those: 1,024 lanes' counts of a tile, each waited for; 6.25 cells a lane on the mean, and twice as many in the
+        // busiest, in two walks; 3.125 splats of each walk's order.
+        let calm = Chip {
+            scattered: Estimate::exactly(1e9),
+            memory: Estimate::exactly(1e12),
+            issues: Estimate::exactly(1e9),
+            ..CHIP
+        };
+        let bin = stage(&calm, BackEnd::Tiles, "list tiles");
+        assert_is(bin, Limit::Latency, 1e-3 * (1024.0 + 25.0 + 6.25));
+        // 80,000 fragments, half as long again with depth, four a cycle.
+        let quads = stage(&CHIP, BackEnd::Quads, "quads");
+        assert_is(quads, Limit::Blending, 30.0);
+        // Four triangles for each of 3,200, twice.
+        let blends = Chip {
+            blended: Estimate::exactly(1e6),
+            ..CHIP
+        };
+        let quads = stage(&blends, BackEnd::Quads, "quads");
+        assert_is(quads, Limit::Triangles, 25.6);
+    }
+
+    #[test]
+    fn instructions_are_those_of_the_waves_that_the_work_has() {
+        let costs = ShaderCosts::of_table();
+        let runs = [
+            ("", 100.0),
+            ("1", 200.0),
+            ("1.1", 2_000.0),
+            ("1.2", 2_000.0),
+        ];
+        let issued = costs
+            .issued("raster compute 64", &runs)
+            .expect("it is there");
+        let raster = stage(&CHIP, BackEnd::Tiles, "raster");
+        assert_is(raster, Limit::Arithmetic, issued.likely / 1e4);
+        // The worst: what is likely of all of it, one after the other, is more than any part's most.
+        assert!(raster.ms.most >= raster.ms.likely && raster.ms.least <= raster.ms.likely);
+    }
+
+    #[test]
+    fn a_picture_that_keeps_its_order_sorts_in_part() {
+        let mut half = work();
+        half.sort_share = 0.5;
+        let costs = ShaderCosts::of_table();
+        let sorting = |work: &Work| {
+            sort(work, &costs, &CHIP)
+                .expect("the table's shaders")
+                .ms
+                .likely
+        };
+        assert!((sorting(&half) / sorting(&work()) - 0.5).abs() < 1e-9);
+    }
 }

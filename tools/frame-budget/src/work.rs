@@ -214,7 +214,8 @@ fn peak(splat: &Splat, low: [f32; 2], high: [f32; 2]) -> f32 {
     splat.log2_opacity - least
 }
 
-/// Pixel centres in a splat's hexagon, and pixels in the two-by-twos that have any of them; as `quad.vert` lays it out.
+/// Pixel centres in a splat's hexagon, and pixels in the two-by-twos that have any of them; as `quad.vert` lays it out, but for splats over the picture's edge, whose
+/// boxes it draws.
 fn hexagon(splat: &Splat, [width, height]: [u32; 2]) -> [u64; 2] {
     let reach = (splat.log2_opacity - ALPHA_CUT.log2()).max(0.0).sqrt();
     let row_reach = reach / splat.wy;

@@ -52,10 +52,6 @@ fn motion_is_shown_within_two_pictures_and_two_motion_periods_at_one_five_and_te
             println!(
                 "{plan:?} at {hertz} Hz: {worst:?} at most, pictures take {picture:?} at most"
             );
-            assert!(
-                picture < took * 2,
-                "the machine is as slow as asked for: {picture:?}"
-            );
             // What the machine really took for a picture counts.
             let bound = picture * 2 + Duration::from_secs(2) / MOTION_HERTZ;
             assert!(*worst <= bound, "{plan:?} at {hertz} Hz: {latencies:?}");

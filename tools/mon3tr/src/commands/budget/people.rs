@@ -29,8 +29,8 @@ use std::sync::Arc;
 const FIELD_DEGREES: f32 = 96.0;
 /// The viewer's eyes above the floor, metres.
 const EYE_HEIGHT: f32 = 1.6;
-/// Share of the picture's height that is drawn below the horizon's middle; heads are level.
-const LEVEL: Vec3 = Vec3::NEG_Z;
+/// Where the viewer looks: level.
+const AHEAD: Vec3 = Vec3::NEG_Z;
 
 /// A person at ease, at each level of detail.
 pub(super) struct Posed {
@@ -104,12 +104,13 @@ pub(super) fn count(
         })
         .collect();
     let all: usize = parts.iter().map(|part| part.len()).sum();
-    let scaled = |pixels: u32| {
-        let scaled = (pixels as f32 * quality.resolution_scale).round();
-        // Within what a size can be, and less.
-        format!("{scaled}").parse::<u32>()
-    };
-    let (width, height) = (scaled(size.width)?, scaled(size.height)?);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "not more than the size"
+    )]
+    let scaled = |pixels: u32| (pixels as f32 * quality.resolution_scale).round() as u32;
+    let (width, height) = (scaled(size.width), scaled(size.height));
     let options = RendererOptions {
         back_end: Some(BackEnd::Tiles),
         ..RendererOptions::new(u32::try_from(all)?, width, height, 2)
@@ -134,7 +135,7 @@ pub(super) fn count(
         .collect();
     let eye = Vec3::new(0.0, EYE_HEIGHT, 0.0);
     let field = FIELD_DEGREES.to_radians();
-    let camera = Camera::look_at(eye, eye + LEVEL, Vec3::Y, field, width, height);
+    let camera = Camera::look_at(eye, eye + AHEAD, Vec3::Y, field, width, height);
     renderer.draw_with(&Drawing::new(&eyes(camera, Views::Stereo), &foreground))?;
     let lists = renderer.read_back_lists()?.context("tiles drew nothing")?;
     Ok(Work::of(&lists))
@@ -143,5 +144,5 @@ pub(super) fn count(
 /// On the floor at so many radians to the right of straight ahead, facing the viewer.
 fn place(angle: f32, distance: f32) -> Affine3A {
     let turn = Quat::from_rotation_y(-angle);
-    Affine3A::from_rotation_translation(turn, turn * (LEVEL * distance))
+    Affine3A::from_rotation_translation(turn, turn * (AHEAD * distance))
 }

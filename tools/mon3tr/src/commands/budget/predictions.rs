@@ -14,7 +14,7 @@ use renderer_vulkan::gpu::Gpu;
 use serde::Serialize;
 use std::sync::Arc;
 
-/// Motion frames a second, and pictures.
+/// Motion frames a second.
 const MOTION_HZ: f64 = 30.0;
 /// Display rates that are asked after.
 pub(super) const RATES: [f64; 2] = [72.0, 90.0];
@@ -221,7 +221,7 @@ fn placements(
     Ok(all)
 }
 
-/// Of the NPU's time, the share that motion takes at its usual rate.
-pub(super) fn npu_share(inference: Estimate) -> Estimate {
+/// Of a unit's time, the share that inference takes at the usual rate of motion.
+pub(super) fn unit_share(inference: Estimate) -> Estimate {
     inference * (MOTION_HZ * 1e-3)
 }

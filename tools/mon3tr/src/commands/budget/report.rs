@@ -1,6 +1,6 @@
 //! The predictions as tables in Markdown, for a terminal and for a page.
 
-use super::predictions::{Budget, Crowd, USABLE, npu_share};
+use super::predictions::{Budget, Crowd, USABLE, unit_share};
 use app_pipeline::plan::unit_of;
 use frame_budget::{Chip, Estimate, ViewWork};
 
@@ -84,7 +84,7 @@ fn counts(crowds: &[Crowd]) {
             64 * view.batches
         }),
         ("splats blended by blocks", |view| view.blends),
-        ("fragments of quads", |view| view.fragments),
+        ("fragments of hexagons", |view| view.fragments),
         ("pixels covered", |view| view.covered),
     ];
     println!(
@@ -109,7 +109,7 @@ fn counts(crowds: &[Crowd]) {
         let (fragments, covered) = (sum(|view| view.fragments), sum(|view| view.covered));
         format!("{:.1}", fragments as f64 / covered.max(1) as f64)
     });
-    println!("{}", row("quads over each pixel covered", overdraw));
+    println!("{}", row("hexagons over each pixel covered", overdraw));
 }
 
 fn stages(crowds: &[Crowd], back_end: usize) {
@@ -127,7 +127,13 @@ fn stages(crowds: &[Crowd], back_end: usize) {
             .iter()
             .filter_map(|one| one.stages.get(at))
             .map(|stage| stage.ms.to_string());
-        println!("{} {} |", row(stage.stage, cells), stage.limit.name());
+        let mut limits: Vec<&str> = Vec::new();
+        for of in all.iter().filter_map(|one| one.stages.get(at)) {
+            if limits.last() != Some(&of.limit.name()) {
+                limits.push(of.limit.name());
+            }
+        }
+        println!("{} {} |", row(stage.stage, cells), limits.join(", then "));
     }
     println!(
         "{} |",
@@ -144,7 +150,7 @@ fn placements(crowds: &[Crowd]) {
     );
     for crowd in crowds {
         for one in &crowd.placements {
-            let share: Estimate = npu_share(one.inference) * 100.0;
+            let share: Estimate = unit_share(one.inference) * 100.0;
             println!(
                 "| {} | {} | {} | {} | {:.0} % | {} | {} | {} | {} | {:.0} |",
                 crowd.people,

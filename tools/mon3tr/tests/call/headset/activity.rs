@@ -299,6 +299,7 @@ fn an_activity() {
         .filter_map(|(name, text)| Some((*name, text.as_deref()?)));
     let launch = Launch::new(extras, None, None, Folders::new(&folder, &folder));
     let receiver = HeadsetReceiver::new(Device {
+        give_memory_back: || {},
         open_xr: Box::new(Runtime::load),
         onnx_runtime: None,
         leave: Arc::new(Granted),
