@@ -26,7 +26,11 @@ Installs APK [default: mon3tr-quest3.apk, where ./run apk leaves it] on the head
 placement with each provider, one to four people, pauses, a call of several, a call that loses packets, heat and memory. All that it finds goes to out/prove, and
 proof.html there says row by row which claim held. The exit status is 1 where one did not.
 
-Server and senders run on this computer: headset and computer are in one network. Nobody has to wear the headset; it should lie where it sees a room.
+Server and senders run on this computer: headset and computer are in one network, and nothing keeps the headset from this computer's ports. Nobody has to wear
+the headset, which is told that it is worn; it should lie where it sees a room.
+
+What it changes on the headset: APK is installed and stays; the app is stopped and started; mon3tr.toml and avatar.m3a in its folder are replaced, and put back at the end; it may hear
+its microphone meanwhile, in a call with this computer; the log is cleared for each step, and its buffer is 16 MB until the headset restarts; it sleeps and wakes.
 
   --short            seconds for each step, and only some of them: does all of it work here?
   --rehearsal        with the app's rehearsal on this machine as the device (docs/android.md); what concerns speed is not judged then
@@ -267,6 +271,7 @@ sample() {
 owned=(mon3tr.toml avatar.m3a)
 kept=0
 sampler=
+may_hear=1
 leave() {
 	local one
 	trap - EXIT INT TERM
@@ -284,6 +289,7 @@ leave() {
 		fi
 	done
 	ask "am broadcast -a com.oculus.vrpowermanager.automation_disable" >/dev/null
+	[ "$may_hear" != 0 ] || ask "pm revoke $package android.permission.RECORD_AUDIO" >/dev/null
 	rm -f "$out/mon3tr.toml" "$out/step"
 	rm -rf "$out/server"
 }
@@ -313,6 +319,8 @@ trap 'exit 130' INT TERM
 device logcat -G 16M >/dev/null 2>&1
 step install install_step
 device shell "mkdir -p $files" </dev/null >/dev/null 2>&1
+# Taken back at the end where the wearer has not given it before.
+may_hear=$(ask "dumpsys package $package" | grep -c 'android.permission.RECORD_AUDIO: granted=true')
 ask "pm grant $package android.permission.RECORD_AUDIO" >/dev/null
 # Worn, whether it is or not.
 ask "am broadcast -a com.oculus.vrpowermanager.prox_close" >/dev/null

@@ -6,7 +6,7 @@ use crate::lifecycle::{Driver, Event};
 use crate::logcat;
 use crate::receiver::{Device, HeadsetReceiver, WearersLeave};
 use crate::storage::Folders;
-use crate::succession::Place;
+use crate::succession::{Aim, Place};
 use android_activity::{AndroidApp, InputStatus, MainEvent, PollEvent};
 use renderer_openxr::runtime::Runtime;
 use std::ffi::c_int;
@@ -31,7 +31,12 @@ fn android_main(app: AndroidApp) {
     log::info!("Mon3tr {}", env!("CARGO_PKG_VERSION"));
     let intent = java::intent(&app);
     let launch = launch(&app, intent);
-    let place = Place::enter(launch.as_ref().is_some_and(Launch::leads_to_known));
+    let place = Place::enter(
+        launch.as_ref().map_or(Aim::Nowhere, Launch::aim),
+        launch
+            .as_ref()
+            .is_some_and(|launch| launch.settings.is_ok()),
+    );
     let mut driver = launch.map(|launch| driver(&app, launch));
     if driver.is_none() {
         java::finish(&app);

@@ -2,6 +2,7 @@
 
 use crate::settings::{Origin, Problem, Settings, Sources, Task};
 use crate::storage::Folders;
+use crate::succession::Aim;
 use log::LevelFilter;
 use std::path::Path;
 
@@ -42,24 +43,31 @@ impl Launch {
         }
     }
 
-    /// Whether it was opened to go where the wearer has agreed to go before. Nothing else is worth leaving a call for: any app can open this one, and who
-    /// is asked about a new server must have left the call to be asked.
+    /// Where its intent leads. What any app may ask for is not worth leaving a call: who is to be asked about a new server must have left the call before.
     #[must_use]
-    pub fn leads_to_known(&self) -> bool {
+    pub fn aim(&self) -> Aim {
         let Ok(settings) = &self.settings else {
-            return false;
+            return Aim::Nowhere;
         };
-        let by_intent = |origin| matches!(origin, Origin::Link | Origin::Intent);
         let known = self.folders.servers();
-        match &settings.task {
+        let (origin, is_known) = match &settings.task {
             Task::Call(rooms) => {
-                by_intent(rooms.origin)
-                    && (rooms.value.iter()).all(|room| known.has(room.server(), None))
+                let mut rooms_of = rooms.value.iter();
+                (
+                    rooms.origin,
+                    rooms_of.all(|room| known.has(room.server(), None)),
+                )
             }
             Task::Member(call) => {
-                by_intent(call.origin) && known.has(call.value.server(), Some(call.value.call()))
+                let name = Some(call.value.call());
+                (call.origin, known.has(call.value.server(), name))
             }
-            Task::Profile(_) => false,
+            Task::Profile(time) => (time.origin, false),
+        };
+        match origin {
+            Origin::Default | Origin::File => Aim::Nowhere,
+            Origin::Link | Origin::Intent if is_known => Aim::Known,
+            Origin::Link | Origin::Intent => Aim::New,
         }
     }
 }
@@ -121,24 +129,30 @@ mod tests {
     }
 
     #[test]
-    fn only_a_link_to_where_the_wearer_has_agreed_to_go_is_worth_leaving_a_call_for() {
+    fn an_intent_leads_somewhere_new_until_the_wearer_has_agreed() {
         let folder = tempfile::tempdir().expect("a folder");
         let folders = Folders::new(folder.path(), folder.path());
         let opened = |extras: &[(&'static str, &'static str)], link| {
-            Launch::new(extras.iter().copied(), link, None, folders.clone()).leads_to_known()
+            Launch::new(extras.iter().copied(), link, None, folders.clone()).aim()
         };
         let link = Some("mon3tr://room/https/meet.example/rooms/r1#token");
-        assert!(!opened(&[], link), "a server that is new here");
+        assert_eq!(opened(&[], link), Aim::New, "a server that is new here");
         let server = "https://meet.example".parse().expect("an address");
         folders.servers().add(&server, None).expect("a file");
-        assert!(opened(&[], link), "a known one");
-        assert!(!opened(&[], None), "the launcher");
-        assert!(
-            !opened(&[("profile", "60")], None),
-            "any app can ask for that"
-        );
-        assert!(!opened(&[], Some("mon3tr://room/nonsense")), "no link");
+        assert_eq!(opened(&[], link), Aim::Known);
+        assert_eq!(opened(&[], None), Aim::Nowhere, "the launcher");
+        let profile = [("profile", "60")];
+        assert_eq!(opened(&profile, None), Aim::New, "any app can ask for that");
+        let nonsense = Some("mon3tr://room/nonsense");
+        assert_eq!(opened(&[], nonsense), Aim::Nowhere);
         let call = Some("mon3tr://call/https/meet.example/calls/c1#token");
-        assert!(!opened(&[], call), "a call is agreed to by itself");
+        assert_eq!(opened(&[], call), Aim::New, "a call is agreed to by itself");
+        let room = "room = \"https://meet.example/rooms/r1#token\"";
+        fs::write(folders.settings_file(), room).expect("a file");
+        assert_eq!(
+            opened(&[], None),
+            Aim::Nowhere,
+            "the file's, as each launch's"
+        );
     }
 }

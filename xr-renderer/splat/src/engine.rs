@@ -236,6 +236,7 @@ impl Engine {
 
     /// See [`crate::renderer::SplatRenderer::read_back_lists`].
     pub(crate) fn read_back_lists(&mut self) -> Result<Option<TileLists>, RenderError> {
+        self.check_kept()?;
         let Some(tiles) = self.back_ends.tiles() else {
             return Ok(None);
         };

@@ -270,7 +270,7 @@ impl SplatRenderer {
     /// What the last picture was made of before it was blended, for counting work; nothing where quads drew it.
     ///
     /// # Errors
-    /// A device that fails, or more memory than the host has to give.
+    /// A picture that was drawn into a headset's images alone, a device that fails, or more memory than the host has to give.
     pub fn read_back_lists(&mut self) -> Result<Option<TileLists>, RenderError> {
         self.engine_mut()?.read_back_lists()
     }
