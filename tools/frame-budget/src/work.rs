@@ -3,6 +3,7 @@
 //! The blending is done once more here, on the CPU, as `raster.glsl` does it with waves of 64, a block of 8x8 pixels each: so it is known how many splats each
 //! block tests and blends until nothing more shows. That picture is kept, to be compared with the drawn one.
 
+use half::f16;
 use renderer_splat::lists::{Splat, TILE_PIXELS, TileLists, ViewLists};
 use serde::Serialize;
 
@@ -136,6 +137,7 @@ fn draw_block(
     let mut left = [0.0f32; WAVE];
     let pixels = || (at[1]..end[1]).flat_map(|y| (at[0]..end[0]).map(move |x| (x, y)));
     let lane = |x: u32, y: u32| ((y - at[1]) * BLOCK + x - at[0]) as usize;
+    let log2_cut = ALPHA_CUT.log2();
     for (x, y) in pixels() {
         left[lane(x, y)] = 1.0;
     }
@@ -144,7 +146,7 @@ fn draw_block(
         work.batches += 1;
         let touching = (batch.iter())
             .filter_map(|index| view.splats.get(*index as usize))
-            .filter(|splat| peak(splat, low, high) > ALPHA_CUT.log2() - TEST_SLACK);
+            .filter(|splat| peak(splat, low, high) > log2_cut - TEST_SLACK);
         for splat in touching {
             if left.iter().all(|left| *left < ALPHA_CUT) {
                 work.hidden += 1;
@@ -154,7 +156,7 @@ fn draw_block(
             for (x, y) in pixels() {
                 let lane = lane(x, y);
                 let log2_alpha = log2_alpha(splat, x as f32 + 0.5, y as f32 + 0.5);
-                if log2_alpha >= ALPHA_CUT.log2() {
+                if log2_alpha >= log2_cut {
                     let weight = log2_alpha.exp2().min(ALPHA_MOST) * left[lane];
                     for (sum, colour) in sums[lane].iter_mut().zip(colour) {
                         *sum += weight * colour;
@@ -255,18 +257,12 @@ fn hexagon(splat: &Splat, [width, height]: [u32; 2]) -> [u64; 2] {
 }
 
 fn colour(splat: &Splat) -> [f32; 3] {
-    let halves = |word: u32| [word & 0xFFFF, word >> 16].map(half);
+    let halves = |word: u32| {
+        let [low_0, low_1, high_0, high_1] = word.to_le_bytes();
+        [[low_0, low_1], [high_0, high_1]].map(|bytes| f16::from_le_bytes(bytes).to_f32())
+    };
     let ([red, green], [blue, _]) = (halves(splat.red_green), halves(splat.blue_depth));
     [red, green, blue]
-}
-
-/// A half float, not negative and finite, as colours are.
-fn half(bits: u32) -> f32 {
-    let (exponent, fraction) = (bits >> 10 & 31, (bits & 0x3FF) as f32 / 1024.0);
-    match exponent {
-        0 => fraction * (2.0f32).powi(-14),
-        _ => (1.0 + fraction) * (2.0f32).powi(exponent as i32 - 15),
-    }
 }
 
 #[cfg(test)]
@@ -339,17 +335,5 @@ mod tests {
             view.hidden
         );
         assert_eq!(view.covered, 256, "the tile");
-    }
-
-    #[test]
-    fn halves_are_read() {
-        for (bits, value) in [
-            (0x3C00, 1.0),
-            (0x3800, 0.5),
-            (0x0000, 0.0),
-            (0x7BFF, 65504.0),
-        ] {
-            assert_eq!(half(bits), value, "{bits:x}");
-        }
     }
 }
