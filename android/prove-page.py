@@ -162,6 +162,16 @@ def provider(plan, name, takes):
     return judge
 
 
+def alone(found, _):
+    why = found.needs("profile-gpu-alone")
+    of = why is None and found.profile("gpu-alone")
+    if not of:
+        return False, why or "the profile is not there"
+    placement, pictures = of["placement"], of["measured"]["pictures"]
+    holds = placement["plan"] == "gpu-alone" and placement["provider"] is None and pictures["shown"] > 0
+    return holds, f"{pictures['per_second']:.1f} pictures of {of['measured']['display_hz']:.0f} a second"
+
+
 def people(count):
     def judge(found, _):
         why = found.needs(f"people-{count}")
@@ -312,6 +322,7 @@ for one in TAKES:
     for plan in ("npu", "cpu-tail", "cpu", "gpu"):
         six = {"npu": 6, "cpu-tail": 6, "cpu": 5, "gpu": 5}[plan] if one == "xnnpack" else None
         CLAIMS.append((f"Placement {plan} on {one}", "profile", TAKES[one], provider(plan, one, six)))
+CLAIMS.append(("The GPU alone runs the networks too", "profile", "the networks too, as compute shaders: the paper's way on a PC", alone))
 for count in range(1, 5):
     CLAIMS.append((f"People seen at once: {count}", "android", "or several of them with blanks or commas between (in the file also a list), at most 7", people(count)))
     CLAIMS.append((f"... at the display's rate: {count}", "architecture", "Where the GPU is too slow for the display, pictures lose resolution, then Gaussians", rate_of_people(count)))

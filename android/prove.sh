@@ -339,6 +339,8 @@ for placement in npu cpu-tail cpu gpu; do
 	done
 done
 
+if [ "$short" = 1 ]; then skip profile-gpu-alone "left out by --short"; else step profile-gpu-alone profile_step gpu-alone; fi
+
 # The computer's address in the headset's network.
 headset=$(ask "ip route" | sed -n 's/.* dev wlan.* src \([0-9.]*\).*/\1/p' | head -n 1)
 server='' server_lacks="the headset has no address in a Wi-Fi network"

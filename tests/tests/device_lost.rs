@@ -7,7 +7,7 @@ use renderer_splat::error::RenderError;
 use renderer_splat::gaussian::PackedGaussian;
 use renderer_splat::options::{BackEnd, RendererOptions};
 use renderer_splat::picture::Image;
-use renderer_splat::posing::{PosedInput, StateId};
+use renderer_splat::posing::{Deformation, PosedInput, StateId};
 use renderer_splat::renderer::SplatRenderer;
 use std::sync::Arc;
 use synthetic_person::Puppet;
@@ -106,9 +106,11 @@ fn a_person_who_is_posed_on_the_device_comes_back_after_it_is_lost() {
     let bases = puppet.attributes.bases.bases();
     let potentials = vec![0.5; puppet.controllers.vertices().len() * bases];
     let input = PosedInput {
-        canonical_vertices: &planes,
+        deformation: Deformation::Computed {
+            canonical_vertices: &planes,
+            potentials: &potentials,
+        },
         skinning: &rest.0,
-        potentials: &potentials,
         root: [0.0, -0.9, 0.0],
     };
     let camera = front_camera(128, 96);

@@ -10,6 +10,7 @@ use app_pipeline::inference::Inference;
 use app_pipeline::plan::Plan;
 use app_pipeline::profile::Profile;
 use npu_runtime::{Provider, Runtime};
+use spmm3::networks::GraphParts;
 use spmm3::{Avatar, LOOP_SECONDS, MotionClip, Playback, SH_C0};
 use std::error::Error;
 use std::f32::consts::LN_2;
@@ -72,7 +73,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let inference = Inference::open(
         &runtime,
         &avatar,
-        plan.graph(),
+        GraphParts::Skinned,
         &providers,
         &CompiledSources::default(),
     )?;

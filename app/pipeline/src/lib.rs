@@ -12,7 +12,7 @@
 //! use npu_runtime::{Provider, Runtime};
 //! use renderer_splat::{camera::Camera, options::RendererOptions, renderer::SplatRenderer};
 //! use renderer_vulkan::gpu::Gpu;
-//! use spmm3::{Avatar, MotionParams};
+//! use spmm3::{Avatar, MotionParams, networks::GraphParts};
 //! use std::{sync::Arc, time::{Duration, Instant}};
 //!
 //! /// Stands still.
@@ -33,15 +33,15 @@
 //! let avatar = Arc::new(Avatar::load("me.m3a".as_ref())?);
 //! let (runtime, plan) = (Runtime::open(None)?, Plan::CpuTail);
 //! let provider = Provider::Cpu { threads: 2 };
-//! let inference = Inference::open(&runtime, &avatar, plan.graph(), &[provider], &CompiledSources::default())?;
+//! let inference = Inference::open(&runtime, &avatar, GraphParts::Skinned, &[provider], &CompiledSources::default())?;
 //! let gaussians = u32::try_from(avatar.gaussians.len())?;
 //! let gpu = Gpu::open(&Default::default(), false)?;
 //! let renderer = SplatRenderer::new(gpu, &RendererOptions::new(gaussians, 1024, 1024, 1))?;
 //! let mut display = DisplayClock::new(60.0);
 //! let (latency, quality) = Default::default();
-//! let (display_period, expected_picture) = (display.period(), Duration::ZERO);
+//! let (display_period, expected_picture) = (display.period(), None);
 //! let options = LaneOptions { plan, latency, quality, display_period, expected_picture };
-//! let mut lanes = Lanes::start(&avatar, inference, renderer, Still, &options)?;
+//! let mut lanes = Lanes::start(&avatar, Some(inference), renderer, Still, &options)?;
 //! let (eye, target) = (Vec3::new(0.0, 1.4, 3.0), Vec3::new(0.0, 1.0, 0.0));
 //! let camera = Camera::look_at(eye, target, Vec3::Y, 0.7, 1024, 1024);
 //! loop {

@@ -19,11 +19,19 @@ pub enum Plan {
     Cpu,
     /// Everything on the GPU but the networks: Gaussians stay in device memory, and nothing is uploaded but vertices.
     Gpu,
+    /// The networks as well, as compute shaders: nothing is uploaded but motion and joints. The paper's way on a PC.
+    GpuAlone,
 }
 
 impl Plan {
     /// All of them, the NPU's first.
-    pub const ALL: [Self; 4] = [Self::Npu, Self::CpuTail, Self::Cpu, Self::Gpu];
+    pub const ALL: [Self; 5] = [
+        Self::Npu,
+        Self::CpuTail,
+        Self::Cpu,
+        Self::Gpu,
+        Self::GpuAlone,
+    ];
 
     /// The name it is asked for by.
     #[must_use]
@@ -33,25 +41,36 @@ impl Plan {
             Self::CpuTail => "cpu-tail",
             Self::Cpu => "cpu",
             Self::Gpu => "gpu",
+            Self::GpuAlone => "gpu-alone",
         }
     }
 
-    /// What of the deform graph is left to ONNX Runtime.
+    /// What of the deform graph is left to ONNX Runtime; nothing where the device does all of it.
     #[must_use]
-    pub fn graph(self) -> GraphParts {
+    pub fn graph(self) -> Option<GraphParts> {
         match self {
-            Self::Npu => GraphParts::Whole,
-            Self::CpuTail => GraphParts::Skinned,
-            Self::Cpu | Self::Gpu => GraphParts::Networks,
+            Self::Npu => Some(GraphParts::Whole),
+            Self::CpuTail => Some(GraphParts::Skinned),
+            Self::Cpu | Self::Gpu => Some(GraphParts::Networks),
+            Self::GpuAlone => None,
         }
     }
 
-    /// The unit of a stage, if the graph runs on `inference`.
+    /// Whether the device poses the Gaussians, which it can for one person only.
+    #[must_use]
+    pub fn poses_on_device(self) -> bool {
+        matches!(self, Self::Gpu | Self::GpuAlone)
+    }
+
+    /// The unit of a stage, if what is left to ONNX Runtime runs on `inference`.
     #[must_use]
     pub fn unit(self, stage: Stage, inference: Unit) -> Unit {
         match (stage, self) {
+            (Stage::Inference, Self::GpuAlone) => Unit::Gpu,
             (Stage::Inference, _) | (Stage::Skin, Self::Npu | Self::CpuTail) => inference,
-            (Stage::Skin | Stage::Bind | Stage::Interpolate, Self::Gpu) => Unit::Gpu,
+            (Stage::Skin | Stage::Bind | Stage::Interpolate, Self::Gpu | Self::GpuAlone) => {
+                Unit::Gpu
+            }
             (Stage::Kinematics | Stage::Skin | Stage::Bind | Stage::Interpolate, _) => Unit::Cpu,
             (Stage::Upload | Stage::Project | Stage::Sort | Stage::Bin | Stage::Raster, _) => {
                 Unit::Gpu
@@ -82,7 +101,7 @@ pub struct PlacementRequest {
     pub plan: Option<Plan>,
     /// This provider and no other.
     pub provider: Option<ProviderKind>,
-    /// For people who come and go: [`Plan::Gpu`] is left out, for the device poses one person only.
+    /// For people who come and go: plans that pose on the device are left out, for it poses one person only.
     pub for_several: bool,
 }
 
@@ -104,6 +123,9 @@ impl FromStr for PlacementRequest {
                 Some(_) => return Err(refusal(text)),
             }
         }
+        if request.plan == Some(Plan::GpuAlone) && request.provider.is_some() {
+            return Err(refusal(text));
+        }
         Ok(request)
     }
 }
@@ -111,7 +133,7 @@ impl FromStr for PlacementRequest {
 fn refusal(text: &str) -> String {
     format!(
         "{text} is no placement: give auto, or npu, cpu-tail, cpu or gpu, and npu=qnn, npu=nnapi, npu=xnnpack or npu=cpu, \
-         with a comma between, e.g. npu,npu=qnn"
+         with a comma between, e.g. npu,npu=qnn; or gpu-alone, without either"
     )
 }
 
@@ -140,6 +162,11 @@ mod tests {
                     provider,
                     for_several: false,
                 };
+                if plan == Some(Plan::GpuAlone) && provider.is_some() {
+                    let error = request.to_string().parse::<PlacementRequest>();
+                    assert!(error.is_err_and(|why| why.contains("gpu-alone, without")));
+                    continue;
+                }
                 assert_eq!(request.to_string().parse(), Ok(request), "{request}");
             }
         }

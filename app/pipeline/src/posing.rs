@@ -6,8 +6,10 @@ use crate::quality::KEPT_SHARES;
 use app_kernels::state::{GaussianState, StateChange};
 use app_kernels::{Attributes, PoseInputs, Poser, Skinner};
 use npu_runtime::Outputs;
-use renderer_splat::posing::{BoundMesh, BoundMeshParts, DetailLevel};
-use spmm3::networks::GraphParts;
+use renderer_splat::posing::{
+    BoundMesh, BoundMeshParts, Deformation, DenseParts, DetailLevel, NetworkParts,
+};
+use spmm3::networks::{Dense, GraphParts};
 use spmm3::{Avatar, JOINTS, MotionParams, SkinningTransforms};
 use std::ops::Range;
 
@@ -27,9 +29,9 @@ impl Posing {
     /// For an avatar whose graph computes what `plan` leaves to it.
     ///
     /// # Errors
-    /// If the avatar's networks cannot be read back.
+    /// If the avatar's networks cannot be read back, or the device does all that the plan divides.
     pub(crate) fn new(avatar: &Avatar, plan: Plan) -> Result<Self, ReceiverError> {
-        let graph = plan.graph();
+        let graph = plan.graph().ok_or(ReceiverError::NoProvider)?;
         let poser = if graph == GraphParts::Whole {
             Poser::new(avatar)
         } else {
@@ -91,6 +93,15 @@ impl Posing {
     }
 }
 
+/// What a graph of [`GraphParts::Networks`] gave, for a device that poses.
+#[must_use]
+pub fn computed(outputs: &Outputs) -> Deformation<'_> {
+    Deformation::Computed {
+        canonical_vertices: outputs.get(VERTICES),
+        potentials: outputs.get(ATTRIBUTES),
+    }
+}
+
 /// The avatar as the renderer takes it to pose it on the device, with the levels of detail that hold the display's rate.
 ///
 /// # Errors
@@ -125,4 +136,31 @@ pub fn bound_mesh(avatar: &Avatar) -> Result<BoundMesh, ReceiverError> {
         })
         .collect();
     Ok(mesh.with_levels(&levels)?)
+}
+
+/// The same with the networks, for a device that runs them too.
+///
+/// # Errors
+/// As [`bound_mesh`].
+pub fn bound_mesh_with_networks(avatar: &Avatar) -> Result<BoundMesh, ReceiverError> {
+    fn dense(layer: &Dense) -> DenseParts<'_> {
+        DenseParts {
+            weights: layer.weights(),
+            bias: layer.bias(),
+        }
+    }
+    let (mesh, attributes) = (avatar.mesh_network()?, avatar.attribute_network()?);
+    let rest = mesh.rest_shape(&avatar.template);
+    Ok(bound_mesh(avatar)?.with_networks(&NetworkParts {
+        first: dense(&mesh.first),
+        second: dense(&mesh.second),
+        code: dense(&mesh.code),
+        fields: mesh.decoder.values(),
+        scales: mesh.decoder.scales(),
+        unit: mesh.decoder.unit(),
+        rest: &rest,
+        controllers_first: dense(&attributes.first),
+        controllers_second: &attributes.second,
+        controllers_bias: &attributes.second_bias,
+    })?)
 }

@@ -124,7 +124,7 @@ impl Stage {
         use Unit::{Cpu, Gpu, Npu};
         match self {
             Self::Kinematics => ("kinematics", &[Cpu]),
-            Self::Inference => ("inference", &[Npu, Cpu]),
+            Self::Inference => ("inference", &[Npu, Cpu, Gpu]),
             Self::Skin => ("skin (LBS)", &[Npu, Cpu, Gpu]),
             Self::Bind => ("bind (F_attr, F_m2g)", &[Cpu, Gpu]),
             Self::Interpolate => ("interpolate", &[Cpu, Gpu]),

@@ -112,11 +112,7 @@ impl DeformGraph<'_> {
         let scales = w.op("Mul", "mesh.decoder.scaled", &[&scales, &unit], &[]);
         let fields = w.op("Mul", "mesh.decoder", &[&values, &scales], &[]);
         // The rest shape joins the bias: one addition of constants at bake instead of one per frame.
-        let canonical: Vec<f32> = (0..3)
-            .flat_map(|axis| self.template.vertices().iter().map(move |v| v[axis]))
-            .zip(decoder.mean())
-            .map(|(rest, mean)| rest + mean)
-            .collect();
+        let canonical = mesh.rest_shape(self.template);
         let bias = w.float("mesh.canonical", &[3 * vertices], &canonical);
         let shaped = w.op("Gemm", "mesh.offsets", &[&code, &fields, &bias], &[]);
         let shape = w.int64("mesh.planes.shape", &[3, vertices]);

@@ -1,7 +1,7 @@
 //! F_mesh: motion parameters -> canonical vertex offsets (paper, section IV-A, non-rigid deformation learning).
 
 use super::Dense;
-use crate::{PARAMS, PersonError};
+use crate::{PARAMS, PersonError, Template};
 use half::f16;
 
 /// The last layer of F_mesh: `rank` offset fields over the vertices, 8 bits a value with one scale a coordinate.
@@ -133,6 +133,16 @@ pub struct MeshNetwork {
 }
 
 impl MeshNetwork {
+    /// The canonical vertices where the code is 0: the template and the mean offsets, planes x|y|z, [3, N_v], metres.
+    #[must_use]
+    pub fn rest_shape(&self, template: &Template) -> Vec<f32> {
+        (0..3)
+            .flat_map(|axis| template.vertices().iter().map(move |v| v[axis]))
+            .zip(&self.decoder.mean)
+            .map(|(rest, mean)| rest + mean)
+            .collect()
+    }
+
     /// Refuses layers that do not follow one another, or that do not end at `vertices` vertices.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! A person's parts in the renderer's form for posing on the device, and the networks that drive them.
 
 use npu_runtime::{Outputs, Provider, Runtime, Session, TensorSpec};
-use renderer_splat::posing::{BoundMesh, BoundMeshParts, PosedInput};
+use renderer_splat::posing::{BoundMesh, BoundMeshParts, Deformation, PosedInput};
 use spmm3::networks::{Dialect, GraphParts, Port, QuantisedBases};
 use spmm3::{
     Avatar, BoundGaussians, Controllers, JOINTS, MotionParams, SkinningTransforms, Template,
@@ -126,9 +126,11 @@ impl Networks {
         self.session.input_mut(0).copy_from_slice(motion.values());
         self.session.run(&mut self.outputs).expect("the graph runs");
         PosedInput {
-            canonical_vertices: self.outputs.get(0),
+            deformation: Deformation::Computed {
+                canonical_vertices: self.outputs.get(0),
+                potentials: self.outputs.get(1),
+            },
             skinning: &self.skinning.0,
-            potentials: self.outputs.get(1),
             root: motion.root_translation.to_array(),
         }
     }

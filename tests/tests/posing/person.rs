@@ -1,6 +1,7 @@
 //! The puppet as the tests of this program pose it.
 
-use renderer_splat::posing::{BoundMesh, PosedInput};
+use renderer_splat::posing::{BoundMesh, Deformation, DenseParts, NetworkParts, PosedInput};
+use spmm3::networks::Dense;
 use spmm3::{MotionParams, SkinningTransforms};
 use std::sync::LazyLock;
 use synthetic_person::reference::{self as reference, V3};
@@ -20,11 +21,42 @@ pub(crate) fn mesh_of(puppet: &Puppet) -> BoundMesh {
     )
 }
 
+/// The same with the puppet's networks, for a device that runs them.
+pub(crate) fn driven_mesh_of(puppet: &Puppet) -> BoundMesh {
+    fn dense(layer: &Dense) -> DenseParts<'_> {
+        DenseParts {
+            weights: layer.weights(),
+            bias: layer.bias(),
+        }
+    }
+    let (mesh, attributes) = (&puppet.mesh, &puppet.attributes);
+    let planes = (0..3).flat_map(|axis| puppet.template.vertices().iter().map(move |v| v[axis]));
+    let rest: Vec<f32> = (planes.zip(mesh.decoder.mean()))
+        .map(|(rest, mean)| rest + mean)
+        .collect();
+    let networks = NetworkParts {
+        first: dense(&mesh.first),
+        second: dense(&mesh.second),
+        code: dense(&mesh.code),
+        fields: mesh.decoder.values(),
+        scales: mesh.decoder.scales(),
+        unit: mesh.decoder.unit(),
+        rest: &rest,
+        controllers_first: dense(&attributes.first),
+        controllers_second: &attributes.second,
+        controllers_bias: &attributes.second_bias,
+    };
+    let driven = mesh_of(puppet).with_networks(&networks);
+    driven.expect("networks of one puppet")
+}
+
 /// The networks' results for one motion, by the reference, rounded to single precision.
 pub(crate) struct Pose {
     pub(crate) canonical: Vec<f32>,
     pub(crate) skinning: SkinningTransforms,
     pub(crate) potentials: Vec<f32>,
+    /// The motion that they are of.
+    pub(crate) parameters: Vec<f32>,
     pub(crate) root: [f32; 3],
 }
 
@@ -51,6 +83,7 @@ impl Pose {
             canonical,
             skinning,
             potentials: potentials.iter().flatten().map(|u| *u as f32).collect(),
+            parameters: motion.values().to_vec(),
             root: motion.root_translation.to_array(),
         }
     }
@@ -62,10 +95,20 @@ impl Pose {
 
     pub(crate) fn input(&self) -> PosedInput<'_> {
         PosedInput {
-            canonical_vertices: &self.canonical,
+            deformation: Deformation::Computed {
+                canonical_vertices: &self.canonical,
+                potentials: &self.potentials,
+            },
             skinning: &self.skinning.0,
-            potentials: &self.potentials,
             root: self.root,
+        }
+    }
+
+    /// What the device computes the same from.
+    pub(crate) fn driven(&self) -> PosedInput<'_> {
+        PosedInput {
+            deformation: Deformation::Parameters(&self.parameters),
+            ..self.input()
         }
     }
 

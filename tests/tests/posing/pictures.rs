@@ -9,7 +9,7 @@ use renderer_splat::gaussian::PackedGaussian;
 use renderer_splat::motion_bound::MotionBound;
 use renderer_splat::options::{BackEnd, RendererOptions};
 use renderer_splat::picture::Image;
-use renderer_splat::posing::{DetailLevel, PosedInput, Poser, StateId};
+use renderer_splat::posing::{Deformation, DetailLevel, PosedInput, Poser, StateId};
 use renderer_splat::renderer::SplatRenderer;
 use renderer_vulkan::gpu::Gpu;
 use spmm3::{GaussianSet, PlanarVertices, SH_C0};
@@ -361,9 +361,11 @@ fn a_renderer_without_a_mesh_says_so() {
     let options = RendererOptions::new(1, 16, 16, 1);
     let mut renderer = SplatRenderer::new(gpu, &options).expect("a renderer");
     let pose = PosedInput {
-        canonical_vertices: &[],
+        deformation: Deformation::Computed {
+            canonical_vertices: &[],
+            potentials: &[],
+        },
         skinning: &[],
-        potentials: &[],
         root: [0.0; 3],
     };
     let error = renderer.push_state(&pose).expect_err("no mesh");

@@ -1,8 +1,8 @@
 //! Which states are kept.
 
-use crate::person::{PUPPET, Pose, mesh_of};
+use crate::person::{PUPPET, Pose, driven_mesh_of, mesh_of};
 use renderer_splat::error::RenderError;
-use renderer_splat::posing::{PosedInput, Poser};
+use renderer_splat::posing::{Deformation, PosedInput, Poser};
 use test_support::vulkan::gpu;
 
 #[test]
@@ -42,12 +42,16 @@ fn a_pose_of_another_size_is_refused() {
     let mut poser = Poser::new(&gpu, &mesh_of(puppet)).expect("the puppet fits");
     let pose = Pose::random(puppet, 70);
     let good = pose.input();
+    let computed = |canonical_vertices, potentials| PosedInput {
+        deformation: Deformation::Computed {
+            canonical_vertices,
+            potentials,
+        },
+        ..good
+    };
     let cases = [
         (
-            PosedInput {
-                canonical_vertices: &pose.canonical[1..],
-                ..good
-            },
+            computed(&pose.canonical[1..], &pose.potentials),
             "canonical",
         ),
         (
@@ -57,16 +61,18 @@ fn a_pose_of_another_size_is_refused() {
             },
             "12 skinning",
         ),
-        (
-            PosedInput {
-                potentials: &[],
-                ..good
-            },
-            "0 potentials",
-        ),
+        (computed(&pose.canonical, &[]), "0 potentials"),
+        (pose.driven(), "no networks"),
     ];
     for (input, expected) in cases {
         let error = poser.push_state(&input).expect_err(expected);
         assert!(error.to_string().contains(expected), "{error}");
     }
+    let mut poser = Poser::new(&gpu, &driven_mesh_of(puppet)).expect("the puppet fits");
+    let few = PosedInput {
+        deformation: Deformation::Parameters(&pose.parameters[1..]),
+        ..good
+    };
+    let error = poser.push_state(&few).expect_err("too few");
+    assert!(error.to_string().contains("214 parameters"), "{error}");
 }

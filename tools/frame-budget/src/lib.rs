@@ -12,6 +12,7 @@
 
 mod chip;
 mod estimate;
+mod networks;
 mod processors;
 mod shader_costs;
 mod stages;
@@ -19,6 +20,7 @@ mod work;
 
 pub use chip::{Chip, QUEST_3};
 pub use estimate::Estimate;
+pub use networks::networks;
 pub use processors::{Person, ProcessorTimes};
 pub use shader_costs::{ShaderCosts, TableError};
 pub use stages::{Limit, StageEstimate, drawing, posing, showing, uploading};

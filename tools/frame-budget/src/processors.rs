@@ -15,6 +15,14 @@ pub struct Person {
     pub bases: u64,
     /// Weights of the networks alone, bytes as the package has them.
     pub network_bytes: u64,
+    /// Weights of their fully connected layers, and outputs.
+    pub weights: u64,
+    /// See [`Self::weights`].
+    pub outputs: u64,
+    /// Inputs of F_mesh's layers, which wait for one another, together.
+    pub depth: u64,
+    /// Offset fields of F_mesh's last layer.
+    pub fields: u64,
     /// Weights of the tail of F_attr: the bases.
     pub tail_bytes: u64,
 }

@@ -57,14 +57,14 @@ pub struct StageEstimate {
 }
 
 /// What a stage does at once, and how many dispatches wait for one another.
-struct Load<'a> {
+pub(crate) struct Load<'a> {
     chip: &'a Chip,
     parts: Vec<(Limit, Estimate)>,
     barriers: f64,
 }
 
 impl<'a> Load<'a> {
-    fn new(chip: &'a Chip, barriers: f64) -> Self {
+    pub(crate) fn new(chip: &'a Chip, barriers: f64) -> Self {
         Self {
             chip,
             parts: Vec::new(),
@@ -73,13 +73,13 @@ impl<'a> Load<'a> {
     }
 
     /// Instructions of all waves of 64.
-    fn issues(mut self, instructions: Estimate) -> Self {
+    pub(crate) fn issues(mut self, instructions: Estimate) -> Self {
         let a_ms = product(self.chip.issues, self.chip.gpu_clock);
         self.add(Limit::Arithmetic, instructions / a_ms);
         self
     }
 
-    fn bytes(mut self, bytes: impl Into<Estimate>) -> Self {
+    pub(crate) fn bytes(mut self, bytes: impl Into<Estimate>) -> Self {
         self.add(Limit::Memory, bytes.into() / self.chip.memory);
         self
     }
@@ -90,7 +90,7 @@ impl<'a> Load<'a> {
     }
 
     /// So many accesses of which each waits for the one before.
-    fn chain(mut self, accesses: Estimate) -> Self {
+    pub(crate) fn chain(mut self, accesses: Estimate) -> Self {
         self.add(Limit::Latency, product(accesses, self.chip.latency));
         self
     }
@@ -107,7 +107,7 @@ impl<'a> Load<'a> {
         }
     }
 
-    fn end(self, stage: &'static str) -> StageEstimate {
+    pub(crate) fn end(self, stage: &'static str) -> StageEstimate {
         let longest = (self.parts.iter()).max_by(|a, b| a.1.likely.total_cmp(&b.1.likely));
         let limit = longest.map_or(Limit::Latency, |(limit, _)| *limit);
         // It all happens at once, or at worst what is likely one after the other.
@@ -127,7 +127,7 @@ fn product(a: Estimate, b: Estimate) -> Estimate {
 }
 
 /// Waves of 64 for so many invocations.
-fn waves(invocations: f64) -> f64 {
+pub(crate) fn waves(invocations: f64) -> f64 {
     (invocations / 64.0).ceil()
 }
 

@@ -20,6 +20,7 @@ use renderer_splat::picture::{Backdrop, Image};
 use renderer_splat::renderer::SplatRenderer;
 use renderer_vulkan::choice::GpuChoice;
 use renderer_vulkan::gpu::Gpu;
+use spmm3::networks::GraphParts;
 use spmm3::{Avatar, BoundGaussians, Importance, MotionClip, Playback, attribute};
 use std::path::Path;
 
@@ -67,7 +68,7 @@ fn main() -> anyhow::Result<()> {
     let inference = Inference::open(
         &runtime,
         &avatar,
-        plan.graph(),
+        GraphParts::Skinned,
         &[provider],
         &CompiledSources::default(),
     )?;

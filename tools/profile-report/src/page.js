@@ -93,7 +93,7 @@ function head() {
     ["Avatar", `${whole(avatar.gaussians)} Gaussians, ${whole(avatar.vertices)} vertices, ${whole(avatar.controllers)} controllers`],
     ["Pictures", `${on.views === 2 ? `both eyes, 2 × ${size}` : size}; ${on.latency}d`],
     ["GPU", `${on.vulkan_device} (${on.vulkan_driver})`],
-    ["Networks", `ONNX Runtime ${on.onnx_runtime.replace(/^ONNX Runtime /, "")} on ${on.provider}`],
+    ["Networks", on.provider ? `ONNX Runtime ${on.onnx_runtime.replace(/^ONNX Runtime /, "")} on ${on.provider}` : "compute shaders of the GPU"],
     ["CPU", `${on.cores} threads at once`],
     ["Package", `${avatar.package.split(/[\\/]/).pop()}, ${(avatar.package_bytes / 1e6).toFixed(1)} MB`],
   ];
@@ -594,20 +594,20 @@ function curves(title, times, shown, count) {
 // ---- placement ----
 
 function placement() {
-  const of = report.placement, at = $("placement"), kind = typeof of.provider === "string" ? of.provider : Object.keys(of.provider)[0];
+  const of = report.placement, at = $("placement"), kind = typeof of.provider === "object" && of.provider ? Object.keys(of.provider)[0] : of.provider;
   const names = { qnn: "QNN", nnapi: "NNAPI", xnnpack: "XNNPACK", cpu: "CPU" };
   const isChosen = (one) => one.plan === of.plan && one.provider === kind;
-  at.append(element("p", {}, element("b", {}, `${of.plan} on ${report.conditions.provider}`), ` (asked for: ${of.requested}): ${of.reason}.`));
+  at.append(element("p", {}, element("b", {}, report.conditions.provider ? `${of.plan} on ${report.conditions.provider}` : of.plan), ` (asked for: ${of.requested}): ${of.reason}.`));
   const units = [...new Set(of.units.map(([, unit]) => unit))];
   at.append(element("dl", { class: "two" },
     ...units.flatMap((unit) => [element("dt", {}, unit), element("dd", {}, of.units.filter(([, on]) => on === unit).map(([stage]) => stage).join(", "))]),
-    element("dt", {}, "Graph"), element("dd", {}, `${of.graph}; nodes: ${Object.entries(of.landing.nodes).map(([name, count]) => `${count} on ${name}`).join(", ") || "not told"}`)));
+    ...(of.landing ? [element("dt", {}, "Graph"), element("dd", {}, `${of.graph}; nodes: ${Object.entries(of.landing.nodes).map(([name, count]) => `${count} on ${name}`).join(", ") || "not told"}`)] : [])));
   const tried = of.alternatives.filter((one) => one.costs && one.predicted_ms !== null);
   const best = Math.min(...tried.map((one) => one.predicted_ms));
   const most = Math.max(...tried.map((one) => one.predicted_ms), 1e-3);
   if (tried.length) {
     at.append(element("h3", {}, "Tried at the start, ms"), table(["placement", "graph on", "inference", "bind", "interpolate", "draw", "a picture every", "against the fastest", element("th", { class: "left" }, "")], tried.map((one) => [
-      one.plan, `${names[one.provider] ?? one.provider} (${one.unit})`, ms(one.costs.inference), ms(one.costs.bind), ms(one.costs.interpolate), ms(one.costs.draw), ms(one.predicted_ms), one.predicted_ms === best ? "–" : `+${percent(one.predicted_ms / best - 1)}`,
+      one.plan, one.provider ? `${names[one.provider] ?? one.provider} (${one.unit})` : `its shaders (${one.unit})`, ms(one.costs.inference), ms(one.costs.bind), ms(one.costs.interpolate), ms(one.costs.draw), ms(one.predicted_ms), one.predicted_ms === best ? "–" : `+${percent(one.predicted_ms / best - 1)}`,
       element("td", { class: "left", style: "width:26%" }, element("i", { class: "bar", style: `width:${(one.predicted_ms / most) * 70}%` }), isChosen(one) ? "chosen" : "")]), tried.map((one) => (isChosen(one) ? "chosen" : ""))));
     at.append(element("p", { class: "note" }, "Stages measured one at a time; the prediction lets units work at once and adds up what shares one piece of silicon."));
   }
@@ -617,7 +617,9 @@ function placement() {
   const plansOf = (reason) => [...new Set(of.alternatives.map((one) => one.provider))].flatMap((provider) => {
     const all = of.alternatives.filter((one) => one.provider === provider), refused = all.filter((one) => one.refused === reason);
     if (!refused.length) return [];
-    return [refused.length === all.length ? names[provider] ?? provider : `${refused.map((one) => one.plan).join(", ")} on ${names[provider] ?? provider}`];
+    const plans = refused.map((one) => one.plan).join(", ");
+    if (!provider) return [plans];
+    return [refused.length === all.length ? names[provider] ?? provider : `${plans} on ${names[provider] ?? provider}`];
   }).join("; ");
   at.append(element("h3", {}, "Not to be had, or not asked for"), element("dl", { class: "two" }, ...reasons.flatMap((reason) => [element("dt", {}, plansOf(reason)), element("dd", {}, reason.replace(/\s+/g, " "))])));
 }

@@ -78,8 +78,8 @@ pub struct Conditions {
     pub vulkan_driver: String,
     /// ONNX Runtime's version.
     pub onnx_runtime: String,
-    /// The provider of the deform graph.
-    pub provider: String,
+    /// The provider of the deform graph; nothing where the GPU runs the networks.
+    pub provider: Option<String>,
     /// One eye's picture, pixels.
     pub width: u32,
     /// See [`Self::width`].
@@ -130,7 +130,10 @@ impl Report {
                 of.display_hz
             ),
             format!("GPU        {} ({})", on.vulkan_device, on.vulkan_driver),
-            format!("ORT        {} on {}", on.onnx_runtime, on.provider),
+            match &on.provider {
+                Some(provider) => format!("ORT        {} on {provider}", on.onnx_runtime),
+                None => "networks   compute shaders of the GPU".to_owned(),
+            },
         ];
         lines.extend(self.shown.tables());
         lines.push(String::new());

@@ -220,7 +220,7 @@ fn report(recording: &Recording, terms: &Terms) -> Report {
             vulkan_device: "a made-up GPU".into(),
             vulkan_driver: "none".into(),
             onnx_runtime: "1.24.1".into(),
-            provider: "CPU, 2 threads".into(),
+            provider: Some("CPU, 2 threads".into()),
             width: 1680,
             height: 1760,
             views: 2,
@@ -287,7 +287,7 @@ fn machine() -> MachineFigures {
 fn placement() -> PlacementReport {
     let of = |plan, provider, costs: Result<[f64; 4], &str>| Alternative {
         plan,
-        provider,
+        provider: Some(provider),
         unit: unit_of(provider),
         costs: costs
             .ok()
@@ -305,9 +305,9 @@ fn placement() -> PlacementReport {
     PlacementReport {
         requested: "auto".into(),
         plan: Plan::Npu,
-        provider: Provider::Qnn {
+        provider: Some(Provider::Qnn {
             target: QnnTarget::SXR2230P,
-        },
+        }),
         units: Stage::ALL
             .map(|stage| (stage, Plan::Npu.unit(stage, Unit::Npu)))
             .into(),
@@ -329,9 +329,9 @@ fn placement() -> PlacementReport {
         ],
         providers: Vec::new(),
         changes: Vec::new(),
-        landing: Landing {
+        landing: Some(Landing {
             nodes: [("QNNExecutionProvider".into(), 1)].into(),
-        },
-        graph: Origin::Precompiled,
+        }),
+        graph: Some(Origin::Precompiled),
     }
 }

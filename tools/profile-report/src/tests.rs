@@ -319,7 +319,7 @@ fn a_browser_draws_a_page_of_nothing() {
     of.recording.pictures.clear();
     of.report.shown.measured = Summary::new(&of.recording, &of.terms);
     of.report.shown.placement.alternatives.clear();
-    of.report.shown.placement.landing.nodes.clear();
+    of.report.shown.placement.landing = None;
     of.report.sent = Value::Null;
     of.report.machine = MachineFigures::default();
     let table = of.report.table();

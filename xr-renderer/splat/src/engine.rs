@@ -43,7 +43,7 @@ pub(crate) struct Engine {
     /// Whether the last picture is in the target.
     is_kept: bool,
     read_back: ReadBack,
-    timestamps: Option<Timestamps<9>>,
+    timestamps: Option<Timestamps<10>>,
     clock: HostClock,
     pub(crate) times: StageTimes,
     pub(crate) picture_time: Option<PictureTime>,
@@ -347,22 +347,24 @@ impl Engine {
             point(commands, 0);
             geometry.record_upload(commands, sorts);
             point(commands, 1);
-            geometry.record_skin(commands);
+            geometry.record_networks(commands);
             point(commands, 2);
-            geometry.record_attributes(commands);
+            geometry.record_skin(commands);
             point(commands, 3);
-            geometry.record_interpolation(commands);
+            geometry.record_attributes(commands);
             point(commands, 4);
-            geometry.record_project(commands);
+            geometry.record_interpolation(commands);
             point(commands, 5);
+            geometry.record_project(commands);
+            point(commands, 6);
             if sorts {
                 geometry.record_sort(commands);
             }
-            point(commands, 6);
-            back_ends.record_bin(commands, target);
             point(commands, 7);
-            back_ends.record_draw(commands, target, images);
+            back_ends.record_bin(commands, target);
             point(commands, 8);
+            back_ends.record_draw(commands, target, images);
+            point(commands, 9);
         })
     }
 
@@ -380,25 +382,27 @@ impl Engine {
             let stage = |index: usize| self.gpu.nanoseconds(ticks[index], ticks[index + 1]) * 1e-6;
             self.times = StageTimes {
                 upload: self.host_upload + stage(0),
-                skin: stage(1),
-                attributes: stage(2),
-                interpolate: stage(3),
-                project: stage(4),
-                sort: stage(5),
-                bin: stage(6),
-                raster: stage(7),
+                networks: stage(1),
+                skin: stage(2),
+                attributes: stage(3),
+                interpolate: stage(4),
+                project: stage(5),
+                sort: stage(6),
+                bin: stage(7),
+                raster: stage(8),
             };
             let HostTimes { at, within } = self.clock.to_host(ticks, run)?;
             let span = |index: usize| [at[index], at[index + 1]];
             stages = Some(StageSpans {
                 upload: span(0),
-                skin: span(1),
-                attributes: span(2),
-                interpolate: span(3),
-                project: span(4),
-                sort: span(5),
-                bin: span(6),
-                raster: span(7),
+                networks: span(1),
+                skin: span(2),
+                attributes: span(3),
+                interpolate: span(4),
+                project: span(5),
+                sort: span(6),
+                bin: span(7),
+                raster: span(8),
                 within,
             });
         }

@@ -44,6 +44,11 @@ pub enum RenderError {
     /// A posed foreground was asked of a renderer that has no mesh.
     #[error("the renderer has no mesh to pose: make it with `RendererOptions::mesh` set")]
     NoMesh,
+    /// A pose came as parameters to a mesh without networks.
+    #[error(
+        "the mesh has no networks to compute a pose from parameters: add them with `BoundMesh::with_networks`, or give what they computed"
+    )]
+    NoNetworks,
     /// A slot's memory is another device's than the renderer's.
     #[error(
         "the foreground slot belongs to another device than the renderer: make slots with `foreground_slot` of the renderer that draws them, and new ones after `recover`"

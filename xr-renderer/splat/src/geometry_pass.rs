@@ -227,6 +227,13 @@ impl GeometryPass {
         }
     }
 
+    /// Records the networks of new poses, where the device runs them.
+    pub(crate) fn record_networks(&self, commands: vk::CommandBuffer) {
+        if let Some(posing) = self.posed() {
+            posing.record_networks(commands);
+        }
+    }
+
     /// Records the skinning of new poses, where the foreground is posed.
     pub(crate) fn record_skin(&self, commands: vk::CommandBuffer) {
         if let Some(posing) = self.posed() {

@@ -8,6 +8,8 @@ use std::time::{Duration, Instant};
 pub struct StageTimes {
     /// Writing the Gaussians to memory that the device reads (host) and copying them there (device).
     pub upload: f64,
+    /// The networks of new poses, where the device runs them.
+    pub networks: f64,
     /// Skinning the meshes of new poses.
     pub skin: f64,
     /// Their Gaussians: attributes, and where those are on the mesh.
@@ -25,10 +27,14 @@ pub struct StageTimes {
 }
 
 impl StageTimes {
+    /// What depends on posing on the device, together.
+    pub fn posing(&self) -> f64 {
+        self.networks + self.skin + self.attributes + self.interpolate
+    }
+
     /// All stages together.
     pub fn total(&self) -> f64 {
-        let posing = self.skin + self.attributes + self.interpolate;
-        self.upload + posing + self.project + self.sort + self.bin + self.raster
+        self.upload + self.posing() + self.project + self.sort + self.bin + self.raster
     }
 }
 
@@ -53,6 +59,8 @@ pub struct PictureTime {
 pub struct StageSpans {
     /// Copying the foreground to the device's memory.
     pub upload: [Instant; 2],
+    /// The networks of new poses; of no length where the device does not run them.
+    pub networks: [Instant; 2],
     /// Skinning new poses' meshes; of no length where the foreground is uploaded, as are the next two.
     pub skin: [Instant; 2],
     /// Making states of them.

@@ -1,24 +1,81 @@
-//! Posing on the device: what the networks gave goes to the GPU as it is, and pictures lie between two states there.
+//! Posing on the device: what the networks gave goes to the GPU as it is, or what they would be given where they run there too, and pictures lie
+//! between two states there.
 
 use super::cpu::{Request, View};
+use super::motion::Posed;
 use super::npu::Inferred;
 use super::states::{Heads, StateHead};
 use super::triple_buffer::Reader;
 use crate::concealment::between;
 use crate::error::ReceiverError;
+use crate::posing::computed;
 use crate::timeline::{DisplayLag, LatencyMode, Timeline};
 use renderer_splat::drawing::Foreground;
-use renderer_splat::posing::{PosedInput, StateId};
+use renderer_splat::posing::{Deformation, PosedInput, StateId};
 use renderer_splat::renderer::SplatRenderer;
+use spmm3::{Avatar, PARAMS};
+use std::sync::Arc;
 use std::time::Instant;
 
-const VERTICES: usize = 0;
-const POTENTIALS: usize = 1;
+/// What the device is given of a pose.
+#[derive(Debug)]
+pub(super) enum DeviceInput {
+    /// What the networks made of it.
+    Inferred(Reader<Inferred>),
+    /// The pose itself; the device runs the networks.
+    Posed {
+        posed: Reader<Posed>,
+        avatar: Arc<Avatar>,
+        /// The networks' input, while it is clamped to what they have learnt from.
+        seen: Vec<f32>,
+    },
+}
+
+impl DeviceInput {
+    /// The pose, for a device that runs the networks of `avatar`.
+    pub(super) fn posed(posed: Reader<Posed>, avatar: &Arc<Avatar>) -> Self {
+        Self::Posed {
+            posed,
+            avatar: Arc::clone(avatar),
+            seen: Vec::with_capacity(PARAMS),
+        }
+    }
+
+    fn take(&mut self) -> bool {
+        match self {
+            Self::Inferred(inferred) => inferred.take(),
+            Self::Posed { posed, .. } => posed.take(),
+        }
+    }
+
+    /// The newest that was taken: the pose, and what is told of it to the device.
+    fn taken(&mut self) -> (&Posed, Deformation<'_>) {
+        match self {
+            Self::Inferred(inferred) => {
+                let Inferred { posed, outputs } = inferred.taken();
+                (posed, computed(outputs))
+            }
+            Self::Posed {
+                posed,
+                avatar,
+                seen,
+            } => {
+                let posed = posed.taken();
+                seen.clear();
+                seen.extend_from_slice(posed.pose.motion.values());
+                if let Some(range) = &avatar.pose_range {
+                    range.clamp(seen);
+                }
+                (posed, Deformation::Parameters(seen))
+            }
+        }
+    }
+}
 
 /// The GPU lane's own part of making Gaussians, where that is not the CPU lane's.
 #[derive(Debug)]
 pub(super) struct DevicePosing {
-    inferred: Reader<Inferred>,
+    input: DeviceInput,
     heads: Heads,
     /// The states' names on the device, by their places.
     ids: [Option<StateId>; Heads::PLACES],
@@ -28,9 +85,9 @@ pub(super) struct DevicePosing {
 }
 
 impl DevicePosing {
-    pub(super) fn new(inferred: Reader<Inferred>, latency: LatencyMode, lag: DisplayLag) -> Self {
+    pub(super) fn new(input: DeviceInput, latency: LatencyMode, lag: DisplayLag) -> Self {
         Self {
-            inferred,
+            input,
             heads: Heads::new(),
             ids: [None; Heads::PLACES],
             timeline: Timeline::new(latency, lag),
@@ -38,7 +95,7 @@ impl DevicePosing {
         }
     }
 
-    /// Hands the newest inference to the device, if there is one, and finds the place of the picture that is asked for.
+    /// Hands the newest input to the device, if there is one, and finds the place of the picture that is asked for.
     /// `None` before the first state.
     ///
     /// # Errors
@@ -48,7 +105,7 @@ impl DevicePosing {
         renderer: &mut SplatRenderer,
         request: Request,
     ) -> Result<Option<View>, ReceiverError> {
-        if self.inferred.take() {
+        if self.input.take() {
             self.push(renderer)?;
         }
         let Some(newest) = self.heads.newest_due() else {
@@ -90,7 +147,7 @@ impl DevicePosing {
         })
     }
 
-    /// The device was lost with its states; the newest inference is handed to the other one.
+    /// The device was lost with its states; the newest input is handed to the other one.
     ///
     /// # Errors
     /// As [`Self::view`].
@@ -111,12 +168,12 @@ impl DevicePosing {
     }
 
     fn push(&mut self, renderer: &mut SplatRenderer) -> Result<(), ReceiverError> {
-        let inferred = self.inferred.taken();
-        let posed = &inferred.posed;
+        let handed = Instant::now();
+        let is_driven = matches!(self.input, DeviceInput::Posed { .. });
+        let (posed, deformation) = self.input.taken();
         let input = PosedInput {
-            canonical_vertices: inferred.outputs.get(VERTICES),
+            deformation,
             skinning: &posed.skinning.0,
-            potentials: inferred.outputs.get(POTENTIALS),
             root: posed.pose.motion.root_translation.to_array(),
         };
         let id = match renderer.push_state(&input) {
@@ -128,10 +185,54 @@ impl DevicePosing {
         self.heads.make_room();
         let mut head = StateHead::new(&posed.pose);
         head.times.ready = Instant::now();
+        if is_driven {
+            // Known better once the device has told.
+            head.times.inference = [handed; 2];
+        }
         if let Some(slot) = self.ids.get_mut(place) {
             *slot = id;
         }
         self.heads.push(head, place, &mut self.timeline);
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::triple_buffer::{WakeSignal, triple_buffer};
+    use super::*;
+    use glam::Vec3;
+    use spmm3::{Joint, MotionParams, PoseRange};
+    use synthetic_person::Puppet;
+
+    /// A fold of the left arm.
+    fn folded(angle: f32) -> MotionParams {
+        let mut motion = MotionParams::default();
+        motion.set_axis_angle(Joint::LeftElbow, Vec3::new(0.0, angle, 0.0));
+        motion
+    }
+
+    #[test]
+    fn networks_of_the_device_see_the_nearest_pose_of_their_range_and_the_skeleton_the_motion_itself()
+     {
+        let avatar = Arc::new(Avatar {
+            pose_range: PoseRange::of([&folded(-0.2), &folded(0.3)]),
+            ..Puppet::small().avatar()
+        });
+        let none = Posed::none;
+        let bell = WakeSignal::default();
+        let (mut writer, reader) = triple_buffer([none(), none(), none()], &bell);
+        let mut input = DeviceInput::posed(reader, &avatar);
+        for (given, seen) in [(1.4, 0.3), (0.1, 0.1)] {
+            writer.place().pose.motion = folded(given);
+            writer.give();
+            assert!(input.take(), "a pose");
+            let (posed, deformation) = input.taken();
+            assert_eq!(posed.pose.motion, folded(given), "the skeleton's");
+            let Deformation::Parameters(parameters) = deformation else {
+                panic!("{deformation:?}");
+            };
+            assert_eq!(parameters, folded(seen).values(), "the networks'");
+        }
     }
 }

@@ -61,8 +61,8 @@ pub struct LaneOptions {
     pub quality: QualityMode,
     /// From one vertical blank of the display to the next.
     pub display_period: Duration,
-    /// What a picture at full quality took the GPU when placements were tried; nothing where none was.
-    pub expected_picture: Duration,
+    /// What a picture at full quality took the GPU when placements were tried; nothing where that is not known.
+    pub expected_picture: Option<Duration>,
 }
 
 /// What was left out because a newer one had come, by the lane that would have taken it.

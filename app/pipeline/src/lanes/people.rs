@@ -120,16 +120,16 @@ impl<S: MotionSource> Lanes<S> {
     /// Another person comes into the picture: lanes of their own for `avatar`, on poses from `source`. The first one's number is 0.
     ///
     /// # Errors
-    /// [`Plan::Gpu`], which is the first person's only; too many people, or more Gaussians together than the renderer was made for;
+    /// A plan that poses on the device, which is the first person's only; too many people, or more Gaussians together than the renderer was made for;
     /// or as [`Self::start`].
     pub fn join(
         &mut self,
         avatar: &Arc<Avatar>,
-        inference: Inference,
+        inference: Option<Inference>,
         source: S,
         plan: Plan,
     ) -> Result<Joined<S>, ReceiverError> {
-        if plan == Plan::Gpu {
+        if plan.poses_on_device() {
             return Err(ReceiverError::PosedTwice);
         }
         if self.people.iter().filter(|one| !one.is_gone).count() >= MOST_PEOPLE {

@@ -87,12 +87,11 @@ impl<S: MotionSource> Lanes<S> {
         )]
         let late_periods = (periods.round() as u32).saturating_sub(1);
         let times = self.renderer.stage_times();
-        let posing = times.skin + times.attributes + times.interpolate;
         self.controller.set_period(period);
         let next = self.controller.picture(&PictureCost {
             step: self.quality.step,
             pixels_ms: times.raster,
-            gaussians_ms: times.upload + posing + times.project + times.bin,
+            gaussians_ms: times.upload + times.posing() + times.project + times.bin,
             sort_ms: times.sort,
             late_periods,
         });
@@ -117,9 +116,11 @@ impl<S: MotionSource> Lanes<S> {
             if let (Supply::Device(_), Some(view)) = (&person.supply, &mut person.view) {
                 view.interpolation = spans.interpolate;
                 let state = view.states[1].number;
-                for (stage, [begin, end]) in
-                    [(Stage::Skin, spans.skin), (Stage::Bind, spans.attributes)]
-                {
+                for (stage, [begin, end]) in [
+                    (Stage::Inference, spans.networks),
+                    (Stage::Skin, spans.skin),
+                    (Stage::Bind, spans.attributes),
+                ] {
                     if end > begin {
                         person.recorder.span(stage, state, begin, end);
                     }

@@ -2,7 +2,7 @@
 
 use super::costly::{Budget, SlowPictures};
 use super::cpu::{CpuLane, Request};
-use super::device::DevicePosing;
+use super::device::{DeviceInput, DevicePosing};
 use super::npu::{Inferred, NpuLane};
 use super::people::{People, check_room};
 use super::person::{Counts, Person, Supply, places};
@@ -28,13 +28,14 @@ use std::sync::Arc;
 use std::sync::mpsc::channel;
 
 impl<S: MotionSource> Lanes<S> {
-    /// Starts the lanes of `avatar`, the first person, on poses from `source`.
+    /// Starts the lanes of `avatar`, the first person, on poses from `source`; `inference` runs what the plan leaves to it.
     ///
     /// # Errors
+    /// [`ReceiverError::NoProvider`] if a plan that leaves a graph comes without.
     /// If threads, memory on the device or the avatar's networks are not to be had, or the renderer was made for fewer Gaussians.
     pub fn start(
         avatar: &Arc<Avatar>,
-        inference: Inference,
+        inference: Option<Inference>,
         renderer: SplatRenderer,
         source: S,
         options: &LaneOptions,
@@ -68,87 +69,97 @@ impl<S: MotionSource> Person<S> {
     /// As [`Lanes::start`].
     pub(super) fn start(
         avatar: &Arc<Avatar>,
-        inference: Inference,
+        inference: Option<Inference>,
         renderer: &SplatRenderer,
         source: S,
         plan: Plan,
         latency: LatencyMode,
     ) -> Result<Self, ReceiverError> {
         let visibility = source.visibility();
+        let lag = source.display_lag();
         let mut collector = Collector::default();
         let [npu_bell, cpu_bell] = [WakeSignal::default(), WakeSignal::default()];
         let none = motion::Posed::none;
         let (posed, posed_reader) = triple_buffer([none(), none(), none()], &npu_bell);
-        let one = || -> Result<Inferred, ReceiverError> {
-            Ok(Inferred {
-                outputs: inference.outputs()?,
-                posed: none(),
-            })
-        };
-        let (inferred, inferred_reader) = triple_buffer([one()?, one()?, one()?], &cpu_bell);
         let mut counts = Counts {
             poses: posed.overwritten(),
-            inferences: inferred.overwritten(),
             ..Counts::default()
         };
-        let fault = inference.fault();
-        let changes = inference.changes();
+        let (fault, changes) = (inference.as_ref())
+            .map(|inference| (inference.fault(), inference.changes()))
+            .unwrap_or_default();
         let mut threads = Threads::new([npu_bell.clone(), cpu_bell.clone()]);
-        let supply = if plan == Plan::Gpu {
-            Supply::Device(DevicePosing::new(
-                inferred_reader,
-                latency,
-                source.display_lag(),
-            ))
-        } else {
-            let (requests, requests_reader) = triple_buffer([Request::none(); 3], &cpu_bell);
-            let posing = Posing::new(avatar, plan)?;
-            let room = u32::try_from(posing.gaussians()).unwrap_or(u32::MAX);
-            let (pictures, pictures_reader) =
-                triple_buffer(places(renderer, room)?, &WakeSignal::default());
-            let (renew, renewed) = channel();
-            counts.requests = requests.overwritten();
-            counts.interpolations = pictures.overwritten();
-            let cpu = CpuLane {
-                states: States::new(posing.gaussians()),
-                posing,
-                heads: Heads::new(),
-                timeline: Timeline::new(latency, source.display_lag()),
-                inferred: inferred_reader,
-                requests: requests_reader,
-                pictures,
-                renewed,
-                bell: cpu_bell.clone(),
-                recorder: collector.recorder(Lane::Cpu),
-                path: MotionBound::new(),
-                making: None,
-                due: None,
-                lead: cpu::LEAST_LEAD,
-                shown: None,
-                kept: details(avatar)?,
-            };
-            threads.spawn_in_pool("cpu lane", move |stop| cpu.run(stop))?;
-            Supply::Host {
-                requests,
-                pictures: pictures_reader,
-                renew,
-                bell: cpu_bell,
-                room,
+        let supply = match inference {
+            None if plan == Plan::GpuAlone => {
+                let input = DeviceInput::posed(posed_reader, avatar);
+                Supply::Device(DevicePosing::new(input, latency, lag))
             }
-        };
-        let npu = NpuLane {
-            inference,
-            posed: posed_reader,
-            inferred,
-            bell: npu_bell.clone(),
-            recorder: collector.recorder(Lane::Npu),
+            None => return Err(ReceiverError::NoProvider),
+            Some(inference) => {
+                let one = || -> Result<Inferred, ReceiverError> {
+                    Ok(Inferred {
+                        outputs: inference.outputs()?,
+                        posed: none(),
+                    })
+                };
+                let (inferred, inferred_reader) =
+                    triple_buffer([one()?, one()?, one()?], &cpu_bell);
+                counts.inferences = inferred.overwritten();
+                let npu = NpuLane {
+                    inference,
+                    posed: posed_reader,
+                    inferred,
+                    bell: npu_bell.clone(),
+                    recorder: collector.recorder(Lane::Npu),
+                };
+                threads.spawn("npu lane", move |stop| npu.run(stop))?;
+                if plan.poses_on_device() {
+                    let input = DeviceInput::Inferred(inferred_reader);
+                    Supply::Device(DevicePosing::new(input, latency, lag))
+                } else {
+                    let (requests, requests_reader) =
+                        triple_buffer([Request::none(); 3], &cpu_bell);
+                    let posing = Posing::new(avatar, plan)?;
+                    let room = u32::try_from(posing.gaussians()).unwrap_or(u32::MAX);
+                    let (pictures, pictures_reader) =
+                        triple_buffer(places(renderer, room)?, &WakeSignal::default());
+                    let (renew, renewed) = channel();
+                    counts.requests = requests.overwritten();
+                    counts.interpolations = pictures.overwritten();
+                    let cpu = CpuLane {
+                        states: States::new(posing.gaussians()),
+                        posing,
+                        heads: Heads::new(),
+                        timeline: Timeline::new(latency, lag),
+                        inferred: inferred_reader,
+                        requests: requests_reader,
+                        pictures,
+                        renewed,
+                        bell: cpu_bell.clone(),
+                        recorder: collector.recorder(Lane::Cpu),
+                        path: MotionBound::new(),
+                        making: None,
+                        due: None,
+                        lead: cpu::LEAST_LEAD,
+                        shown: None,
+                        kept: details(avatar)?,
+                    };
+                    threads.spawn_in_pool("cpu lane", move |stop| cpu.run(stop))?;
+                    Supply::Host {
+                        requests,
+                        pictures: pictures_reader,
+                        renew,
+                        bell: cpu_bell,
+                        room,
+                    }
+                }
+            }
         };
         let motion_recorder = collector.recorder(Lane::Motion);
         let skeleton = avatar.skeleton.clone();
         threads.spawn_motion(move |stop, over| {
             motion::run(source, &skeleton, posed, motion_recorder, stop, over)
         })?;
-        threads.spawn("npu lane", move |stop| npu.run(stop))?;
         Ok(Self {
             threads,
             recorder: collector.recorder(Lane::Gpu),

@@ -7,6 +7,7 @@ use crate::plan::{Plan, unit_of};
 use crate::stage::Unit;
 use npu_runtime::ProviderKind;
 use serde::Serialize;
+use std::fmt;
 
 /// Milliseconds of stages, measured one at a time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -26,9 +27,9 @@ pub struct StageCosts {
 pub struct Alternative {
     /// How stages are divided.
     pub plan: Plan,
-    /// What runs the graph.
-    pub provider: ProviderKind,
-    /// The unit that is.
+    /// What runs the graph; nothing where the device runs the networks.
+    pub provider: Option<ProviderKind>,
+    /// The unit that it runs on.
     pub unit: Unit,
     /// What its stages took.
     pub costs: Option<StageCosts>,
@@ -36,6 +37,22 @@ pub struct Alternative {
     pub predicted_ms: Option<f64>,
     /// Why it is not to be had, or was not tried.
     pub refused: Option<String>,
+}
+
+impl Alternative {
+    /// The plan and what runs its graph, as tables name them.
+    #[must_use]
+    pub fn name(&self) -> String {
+        named(self.plan, self.provider)
+    }
+}
+
+/// A plan and what runs its graph, if anything but the plan's own shaders does.
+pub(super) fn named(plan: Plan, provider: Option<impl fmt::Display>) -> String {
+    provider.map_or_else(
+        || plan.to_string(),
+        |provider| format!("{plan} on {provider}"),
+    )
 }
 
 /// Motion frames a second that predictions reckon with.
@@ -50,15 +67,20 @@ const MARGIN: f64 = 0.03;
 #[must_use]
 pub fn predicted_picture_ms(
     plan: Plan,
-    provider: ProviderKind,
+    provider: Option<ProviderKind>,
     costs: &StageCosts,
     gpu_is_cpu: bool,
 ) -> f64 {
     let gpu = if gpu_is_cpu { Unit::Cpu } else { Unit::Gpu };
-    let posing = if plan == Plan::Gpu { gpu } else { Unit::Cpu };
+    let posing = if plan.poses_on_device() {
+        gpu
+    } else {
+        Unit::Cpu
+    };
+    let networks = provider.map_or(gpu, unit_of);
     let pace = Unit::ALL.map(|silicon| {
         let on = |unit: Unit, ms: f64| if unit == silicon { ms } else { 0.0 };
-        let a_motion = on(unit_of(provider), costs.inference) + on(posing, costs.bind);
+        let a_motion = on(networks, costs.inference) + on(posing, costs.bind);
         let a_picture = on(posing, costs.interpolate) + on(gpu, costs.draw);
         // What motion leaves of a second is for pictures. If it leaves nothing, motion frames are dropped, one a picture done.
         let left = 1.0 - a_motion * MOTION_HZ * 1e-3;
@@ -113,22 +135,25 @@ mod tests {
     fn units_overlap_and_stages_on_one_add_up() {
         // By hand: the NPU is busy 30 x 10 ms a second, the CPU 30 x 5 ms and 2 ms a picture, the GPU 8 ms a picture.
         let paper = costs(10.0, 5.0, 2.0, 8.0);
-        let ms = predicted_picture_ms(Plan::Npu, ProviderKind::Qnn, &paper, false);
+        let ms = predicted_picture_ms(Plan::Npu, Some(ProviderKind::Qnn), &paper, false);
         assert!((ms - 8.0).abs() < 1e-9, "the GPU sets the pace: {ms}");
         // With a slow CPU that is 2 / (1 - 0.75).
         let slow = costs(10.0, 25.0, 2.0, 7.0);
-        let ms = predicted_picture_ms(Plan::Npu, ProviderKind::Qnn, &slow, false);
+        let ms = predicted_picture_ms(Plan::Npu, Some(ProviderKind::Qnn), &slow, false);
         assert!((ms - 8.0).abs() < 1e-9, "the CPU: {ms}");
         // All on one processor: (2 + 8) / (1 - 0.03 x 15).
-        let ms = predicted_picture_ms(Plan::Npu, ProviderKind::Cpu, &paper, true);
+        let ms = predicted_picture_ms(Plan::Npu, Some(ProviderKind::Cpu), &paper, true);
         assert!((ms - 10.0 / 0.55).abs() < 1e-9, "all together: {ms}");
         // On a GPU of its own everything but the networks.
-        let ms = predicted_picture_ms(Plan::Gpu, ProviderKind::Cpu, &paper, false);
+        let ms = predicted_picture_ms(Plan::Gpu, Some(ProviderKind::Cpu), &paper, false);
         assert!((ms - 10.0 / 0.85).abs() < 1e-9, "posing on the GPU: {ms}");
+        // And the networks there too: (2 + 8) / (1 - 0.03 x 15), with nothing left for the CPU.
+        let ms = predicted_picture_ms(Plan::GpuAlone, None, &paper, false);
+        assert!((ms - 10.0 / 0.55).abs() < 1e-9, "the GPU alone: {ms}");
         // More motion than there is time for.
         let ms = predicted_picture_ms(
             Plan::Npu,
-            ProviderKind::Cpu,
+            Some(ProviderKind::Cpu),
             &costs(50.0, 5.0, 2.0, 8.0),
             true,
         );
@@ -139,7 +164,7 @@ mod tests {
     fn the_fastest_is_chosen_and_the_npus_where_it_makes_no_difference() {
         let one = |plan, predicted_ms| Alternative {
             plan,
-            provider: ProviderKind::Cpu,
+            provider: Some(ProviderKind::Cpu),
             unit: Unit::Cpu,
             costs: None,
             predicted_ms,
@@ -178,7 +203,7 @@ mod tests {
                 for plan in Plan::ALL {
                     alternatives.push(Alternative {
                         plan,
-                        provider,
+                        provider: Some(provider),
                         unit: unit_of(provider),
                         costs: None,
                         // Many within the margin of one another.

@@ -4,7 +4,7 @@ use super::{InferenceBackends, Placed, place};
 use crate::control::Control;
 use crate::error::ReceiverError;
 use crate::plan::{PlacementRequest, Plan};
-use crate::posing::bound_mesh;
+use crate::posing::{bound_mesh, bound_mesh_with_networks};
 use renderer_splat::camera::Camera;
 use renderer_splat::options::RendererOptions;
 use renderer_splat::renderer::SplatRenderer;
@@ -26,11 +26,12 @@ pub fn place_first(
     request: PlacementRequest,
     control: &Control,
 ) -> Result<(Placed, SplatRenderer), ReceiverError> {
-    let may_pose = !request.for_several && matches!(request.plan, None | Some(Plan::Gpu));
-    let mesh = may_pose
-        .then(|| bound_mesh(avatar))
-        .transpose()?
-        .map(Arc::new);
+    let mesh = match request.plan {
+        _ if request.for_several => None,
+        None | Some(Plan::GpuAlone) => Some(Arc::new(bound_mesh_with_networks(avatar)?)),
+        Some(Plan::Gpu) => Some(Arc::new(bound_mesh(avatar)?)),
+        Some(Plan::Npu | Plan::CpuTail | Plan::Cpu) => None,
+    };
     let options = RendererOptions {
         mesh,
         interrupt: Some(control.interrupt()),
@@ -41,8 +42,8 @@ pub fn place_first(
     };
     let mut renderer = control.on_gpu(|| new(&options))?;
     let placed = place(backends, avatar, &mut renderer, cameras, request, control)?;
-    if options.mesh.is_some() && placed.plan != Plan::Gpu {
-        // 20 MB of the device's memory that are not used.
+    if options.mesh.is_some() && !placed.plan.poses_on_device() {
+        // 30 MB of the device's memory that are not used.
         let options = RendererOptions {
             mesh: None,
             // The faster one has been found, but for a headset's images, into which each has a way of its own.

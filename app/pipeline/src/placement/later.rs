@@ -23,21 +23,16 @@ pub fn place_like(
 ) -> Result<Placed, ReceiverError> {
     control.checkpoint()?;
     let runtime = backends.runtime.cancelled_by(control.cancel());
-    let plan = if like.plan == Plan::Gpu {
+    let plan = if like.plan.poses_on_device() {
         Plan::Cpu
     } else {
         like.plan
     };
-    let provider = like.provider;
-    let mut inference = Inference::open(
-        &runtime,
-        avatar,
-        plan.graph(),
-        &[provider],
-        backends.compiled,
-    )?;
+    let provider = (like.provider).unwrap_or(ProviderKind::Cpu.with_threads(backends.threads));
+    let graph = plan.graph().ok_or(ReceiverError::NoProvider)?;
+    let mut inference = Inference::open(&runtime, avatar, graph, &[provider], backends.compiled)?;
     inference.fall_back_on(ProviderKind::Cpu.with_threads(backends.threads));
-    if let Some(expected) = like.inference() {
+    if let (Some(expected), Some(_)) = (like.inference(), like.provider) {
         inference.expect(expected);
     }
     let (landing, graph) = inference.landing();
@@ -45,7 +40,7 @@ pub fn place_like(
     let report = PlacementReport {
         requested: like.requested.clone(),
         plan,
-        provider: inference.provider(),
+        provider: Some(inference.provider()),
         units: Stage::ALL
             .into_iter()
             .map(|stage| (stage, plan.unit(stage, unit)))
@@ -53,13 +48,13 @@ pub fn place_like(
         reason: "as the one who was here before".to_owned(),
         alternatives: Vec::new(),
         providers: like.providers.clone(),
-        landing: landing.clone(),
-        graph,
+        landing: Some(landing.clone()),
+        graph: Some(graph),
         changes: Vec::new(),
     };
     Ok(Placed {
         plan,
-        inference,
+        inference: Some(inference),
         report,
     })
 }

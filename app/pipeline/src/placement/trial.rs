@@ -1,6 +1,6 @@
 //! The short timed warm-up at the start: every placement that can be had runs a few frames, and the fastest goes on.
 
-use super::choice::{PREFERRED, contenders};
+use super::choice::{PREFERRED, contenders, named};
 use super::{Alternative, StageCosts, choose, predicted_picture_ms};
 use crate::compiled_sources::CompiledSources;
 use crate::control::Control;
@@ -9,6 +9,7 @@ use crate::error::ReceiverError;
 use crate::inference::{Inference, ProviderChange};
 use crate::plan::{PlacementRequest, Plan, unit_of};
 use crate::pool::in_own_pool;
+use crate::posing::computed;
 use crate::profile::{Percentiles, Profile, StageSummary};
 use crate::stage::{Stage, Unit};
 use app_kernels::Blend;
@@ -18,7 +19,7 @@ use renderer_splat::camera::Camera;
 use renderer_splat::drawing::{Drawing, Foreground, Part};
 use renderer_splat::error::RenderError;
 use renderer_splat::motion_bound::MotionBound;
-use renderer_splat::posing::{PosedInput, StateId};
+use renderer_splat::posing::{Deformation, PosedInput, StateId};
 use renderer_splat::renderer::SplatRenderer;
 use renderer_splat::slot::ForegroundSlot;
 use serde::Serialize;
@@ -49,8 +50,8 @@ pub struct PlacementReport {
     pub requested: String,
     /// How stages are divided now.
     pub plan: Plan,
-    /// What runs the graph now.
-    pub provider: Provider,
+    /// What runs the graph now; nothing where the device runs the networks.
+    pub provider: Option<Provider>,
     /// The unit of every stage.
     pub units: Vec<(Stage, Unit)>,
     /// Why, in a sentence.
@@ -60,9 +61,9 @@ pub struct PlacementReport {
     /// Which providers there are here, and why not others.
     pub providers: Vec<Availability>,
     /// Where the graph's nodes landed ...
-    pub landing: Landing,
+    pub landing: Option<Landing>,
     /// ... and which form of the graph runs.
-    pub graph: Origin,
+    pub graph: Option<Origin>,
     /// Providers that were given up during the call.
     pub changes: Vec<ProviderChange>,
 }
@@ -71,9 +72,9 @@ impl PlacementReport {
     /// Takes note of what became of providers: the newest is what runs the graph now.
     pub fn follow(&mut self, changes: Vec<ProviderChange>) {
         if let Some(last) = changes.last() {
-            self.provider = last.to;
-            self.landing = last.landing.clone();
-            self.graph = last.graph;
+            self.provider = Some(last.to);
+            self.landing = Some(last.landing.clone());
+            self.graph = Some(last.graph);
         }
         self.changes = changes;
         let now = self.units();
@@ -82,16 +83,22 @@ impl PlacementReport {
         }
     }
 
+    /// The plan and what runs its graph, as tables name them.
+    #[must_use]
+    pub fn name(&self) -> String {
+        named(self.plan, self.provider)
+    }
+
     /// Whether `alternative` is what was granted.
     #[must_use]
     pub fn is_chosen(&self, alternative: &Alternative) -> bool {
-        (alternative.plan, alternative.provider) == (self.plan, self.provider.kind())
+        (alternative.plan, alternative.provider) == (self.plan, self.provider.map(Provider::kind))
     }
 
     /// The unit of every stage, in the order of [`Stage::ALL`].
     #[must_use]
     pub fn units(&self) -> [Unit; Stage::ALL.len()] {
-        let inference = unit_of(self.provider.kind());
+        let inference = (self.provider).map_or(Unit::Gpu, |provider| unit_of(provider.kind()));
         Stage::ALL.map(|stage| self.plan.unit(stage, inference))
     }
 
@@ -105,9 +112,10 @@ impl PlacementReport {
     #[must_use]
     pub fn picture(&self) -> Option<Duration> {
         let costs = self.costs()?;
-        let posing = match self.plan {
-            Plan::Gpu => costs.interpolate,
-            Plan::Npu | Plan::CpuTail | Plan::Cpu => 0.0,
+        let posing = if self.plan.poses_on_device() {
+            costs.interpolate
+        } else {
+            0.0
         };
         Duration::try_from_secs_f64((posing + costs.draw) * 1e-3).ok()
     }
@@ -124,8 +132,8 @@ impl PlacementReport {
 pub struct Placed {
     /// How stages are divided.
     pub plan: Plan,
-    /// Runs the graph; has the other providers to fall back on.
-    pub inference: Inference,
+    /// Runs the graph, if the plan leaves any; has the other providers to fall back on.
+    pub inference: Option<Inference>,
     /// What is to be shown of how it came about.
     pub report: PlacementReport,
 }
@@ -182,16 +190,16 @@ fn place_here(
             .lacking
             .clone()
             .or_else(|| not_asked_for(request, kind));
-        for plan in Plan::ALL {
+        for plan in Plan::ALL.into_iter().filter(|plan| plan.graph().is_some()) {
             let mut alternative = Alternative {
                 plan,
-                provider: kind,
+                provider: Some(kind),
                 unit: unit_of(kind),
                 costs: None,
                 predicted_ms: None,
                 refused: not_to_be_tried
                     .clone()
-                    .or_else(|| plan_not_asked_for(request, plan, kind)),
+                    .or_else(|| plan_not_asked_for(request, plan, Some(kind))),
             };
             let mut kept = None;
             if alternative.refused.is_none() {
@@ -203,7 +211,7 @@ fn place_here(
                     &mut canvas,
                 ) {
                     Ok((costs, inference)) => {
-                        let ms = predicted_picture_ms(plan, kind, &costs, gpu_is_cpu);
+                        let ms = predicted_picture_ms(plan, Some(kind), &costs, gpu_is_cpu);
                         alternative.costs = Some(costs);
                         alternative.predicted_ms = Some(ms);
                         kept = Some(inference);
@@ -227,41 +235,56 @@ fn place_here(
             }
         }
     }
+    let mut alone = Alternative {
+        plan: Plan::GpuAlone,
+        provider: None,
+        unit: Unit::Gpu,
+        costs: None,
+        predicted_ms: None,
+        refused: (request.provider)
+            .map(|_| "not asked for".into())
+            .or_else(|| plan_not_asked_for(request, Plan::GpuAlone, None)),
+    };
+    if alone.refused.is_none() {
+        match canvas.try_on_device(avatar, None) {
+            Ok(costs) => {
+                let ms = predicted_picture_ms(alone.plan, None, &costs, gpu_is_cpu);
+                alone.costs = Some(costs);
+                alone.predicted_ms = Some(ms);
+            }
+            Err(_) if control.is_leaving() => return Err(ReceiverError::Left),
+            Err(error) => {
+                alone.refused = Some(error.in_full());
+                last_error = Some(error);
+            }
+        }
+    }
+    alternatives.push(alone);
+    open.push(None);
     let Some(at) = choose(&alternatives) else {
         return Err(last_error.unwrap_or(ReceiverError::NoProvider));
     };
-    let (Some(chosen), Some(Some(mut inference))) =
-        (alternatives.get(at), open.into_iter().nth(at))
-    else {
+    let Some(chosen) = alternatives.get(at) else {
         return Err(ReceiverError::NoProvider);
     };
-    let mut spare: Vec<&Alternative> = alternatives
-        .iter()
-        .filter(|one| one.predicted_ms.is_some() && one.provider != chosen.provider)
-        .filter(|one| one.plan == chosen.plan)
-        .collect();
-    let predicted = |one: &Alternative| one.predicted_ms.unwrap_or(f64::INFINITY);
-    spare.sort_by(|a, b| predicted(a).total_cmp(&predicted(b)));
-    for one in spare {
-        inference.fall_back_on(one.provider.with_threads(backends.threads));
+    let mut inference = open.into_iter().nth(at).flatten();
+    if inference.is_none() && chosen.provider.is_some() {
+        return Err(ReceiverError::NoProvider);
     }
-    // The one that is always there comes last, measured or not; also anew after itself.
-    inference.fall_back_on(ProviderKind::Cpu.with_threads(backends.threads));
-    if let Some(costs) = chosen.costs {
-        inference.expect(Duration::from_secs_f64(costs.inference.max(0.0) / 1e3));
+    if let Some(inference) = &mut inference {
+        fall_back(inference, chosen, &alternatives, backends.threads);
     }
-    let (landing, graph) = inference.landing();
     let report = PlacementReport {
         requested: request.to_string(),
         plan: chosen.plan,
-        provider: inference.provider(),
+        provider: inference.as_ref().map(Inference::provider),
         units: Stage::ALL
             .into_iter()
             .map(|stage| (stage, chosen.plan.unit(stage, chosen.unit)))
             .collect(),
         reason: reason(chosen, &alternatives),
-        landing: landing.clone(),
-        graph,
+        landing: (inference.as_ref()).map(|inference| inference.landing().0.clone()),
+        graph: inference.as_ref().map(|inference| inference.landing().1),
         changes: Vec::new(),
         alternatives,
         providers: found,
@@ -271,6 +294,30 @@ fn place_here(
         inference,
         report,
     })
+}
+
+/// Has the other providers of the same plan to fall back on, the fastest first, and says what a run of the chosen one takes.
+fn fall_back(
+    inference: &mut Inference,
+    chosen: &Alternative,
+    alternatives: &[Alternative],
+    threads: usize,
+) {
+    let mut spare: Vec<&Alternative> = alternatives
+        .iter()
+        .filter(|one| one.predicted_ms.is_some() && one.provider != chosen.provider)
+        .filter(|one| one.plan == chosen.plan)
+        .collect();
+    let predicted = |one: &Alternative| one.predicted_ms.unwrap_or(f64::INFINITY);
+    spare.sort_by(|a, b| predicted(a).total_cmp(&predicted(b)));
+    for kind in spare.into_iter().filter_map(|one| one.provider) {
+        inference.fall_back_on(kind.with_threads(threads));
+    }
+    // The one that is always there comes last, measured or not; also anew after itself.
+    inference.fall_back_on(ProviderKind::Cpu.with_threads(threads));
+    if let Some(costs) = chosen.costs {
+        inference.expect(Duration::from_secs_f64(costs.inference.max(0.0) / 1e3));
+    }
 }
 
 fn not_asked_for(request: PlacementRequest, kind: ProviderKind) -> Option<String> {
@@ -285,15 +332,19 @@ fn not_asked_for(request: PlacementRequest, kind: ProviderKind) -> Option<String
     }
 }
 
-fn plan_not_asked_for(request: PlacementRequest, plan: Plan, kind: ProviderKind) -> Option<String> {
+fn plan_not_asked_for(
+    request: PlacementRequest,
+    plan: Plan,
+    kind: Option<ProviderKind>,
+) -> Option<String> {
     match request.plan {
-        _ if request.for_several && plan == Plan::Gpu => {
+        _ if request.for_several && plan.poses_on_device() => {
             Some("the device poses one person only, and here people come and go".into())
         }
         Some(asked) if asked == plan => None,
         Some(_) => Some("not asked for".into()),
         // Compiled anew for each.
-        None if kind == ProviderKind::Qnn && plan != Plan::Npu => {
+        None if kind == Some(ProviderKind::Qnn) && plan != Plan::Npu => {
             Some("the NPU takes the whole graph".into())
         }
         None => None,
@@ -313,17 +364,15 @@ fn reason(chosen: &Alternative, alternatives: &[Alternative]) -> String {
     match others.first() {
         None => "nothing else can be had of what was asked for".into(),
         Some(next) if ms(next) < ms(chosen) => format!(
-            "{:.1} ms a picture is predicted, as good as {} on {} with {:.1} ms: then plan {PREFERRED} goes first",
+            "{:.1} ms a picture is predicted, as good as {} with {:.1} ms: then plan {PREFERRED} goes first",
             ms(chosen),
-            next.plan,
-            next.provider,
+            next.name(),
             ms(next),
         ),
         Some(next) => format!(
-            "{:.1} ms a picture is predicted, {} on {} would take {:.1} ms",
+            "{:.1} ms a picture is predicted, {} would take {:.1} ms",
             ms(chosen),
-            next.plan,
-            next.provider,
+            next.name(),
             ms(next),
         ),
     }
@@ -339,15 +388,17 @@ fn try_one(
 ) -> Result<(StageCosts, Inference), ReceiverError> {
     let control = canvas.control;
     control.checkpoint()?;
-    let inference = Inference::open(
+    let graph = plan.graph().ok_or(ReceiverError::NoProvider)?;
+    let mut inference = Inference::open(
         backends.runtime,
         avatar,
-        plan.graph(),
+        graph,
         &[provider],
         backends.compiled,
     )?;
-    if plan == Plan::Gpu {
-        return canvas.try_on_device(avatar, inference);
+    if plan.poses_on_device() {
+        let costs = canvas.try_on_device(avatar, Some(&mut inference))?;
+        return Ok((costs, inference));
     }
     let mut deformer = Deformer::new(avatar, inference, plan)?;
     let mut profile = Profile::default();
@@ -439,49 +490,57 @@ impl Canvas<'_> {
         Ok([packed - started, packed.elapsed()])
     }
 
-    /// Times what the device does of a frame, between two states of one pose.
+    /// Times what the device does of a frame, between two states of one pose: with the networks, unless `inference` runs them.
     fn try_on_device(
         &mut self,
         avatar: &Avatar,
-        mut inference: Inference,
-    ) -> Result<(StageCosts, Inference), ReceiverError> {
+        mut inference: Option<&mut Inference>,
+    ) -> Result<StageCosts, ReceiverError> {
         let control = self.control;
+        let pose = self.pose.clone();
         let mut skinning = SkinningTransforms::default();
-        let joints = avatar.skeleton.pose(&self.pose);
+        let joints = avatar.skeleton.pose(&pose);
         avatar.skeleton.skinning(&joints, &mut skinning);
-        let mut outputs = inference.outputs()?;
+        let mut outputs = (inference.as_ref())
+            .map(|inference| inference.outputs())
+            .transpose()?;
         let (mut infer, mut bind, mut interpolate, mut draw) = (vec![], vec![], vec![], vec![]);
         let mut before: Option<StateId> = None;
         let (mut spent, mut is_warm) = (Duration::ZERO, false);
         while draw.len() < FRAMES && spent <= LONG_ENOUGH {
             control.checkpoint()?;
             let started = Instant::now();
-            inference.run(&self.pose, &skinning, &mut outputs)?;
+            let deformation = match (&mut inference, &mut outputs) {
+                (Some(inference), Some(outputs)) => {
+                    inference.run(&pose, &skinning, outputs)?;
+                    computed(outputs)
+                }
+                // At ease, within every avatar's range of poses.
+                _ => Deformation::Parameters(pose.values()),
+            };
             let inferred = started.elapsed();
             let input = PosedInput {
-                canonical_vertices: outputs.get(0),
+                deformation,
                 skinning: &skinning.0,
-                potentials: outputs.get(1),
-                root: self.pose.root_translation.to_array(),
+                root: pose.root_translation.to_array(),
             };
             let drawing = control.on_gpu(|| self.draw_posed(&input, &mut before))?;
             if is_warm {
                 let times = self.renderer.stage_times();
-                infer.push(ms(inferred));
+                infer.push(ms(inferred) + times.networks);
                 bind.push(times.skin + times.attributes);
                 interpolate.push(times.interpolate);
-                draw.push(ms(drawing) - times.skin - times.attributes - times.interpolate);
+                draw.push(ms(drawing) - times.posing());
                 spent += drawing;
             }
             is_warm = self.is_warm();
         }
-        let costs = StageCosts {
+        Ok(StageCosts {
             inference: median(&infer),
             bind: median(&bind),
             interpolate: median(&interpolate),
             draw: median(&draw),
-        };
-        Ok((costs, inference))
+        })
     }
 
     /// Draws one picture half way from the pose before to this one: how long that took.

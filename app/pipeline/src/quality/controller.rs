@@ -86,8 +86,8 @@ impl QualityController {
     /// The same, told before the first picture that one at the best step takes the GPU so long: it begins where that is predicted to fit, as if all of it
     /// followed the pixels, so at a step rather too good. What then is measured decides.
     #[must_use]
-    pub fn expecting(mut self, picture: Duration) -> Self {
-        if self.mode == QualityMode::Adapt {
+    pub fn expecting(mut self, picture: Option<Duration>) -> Self {
+        if let (QualityMode::Adapt, Some(picture)) = (self.mode, picture) {
             let mut expected = Recent::new();
             expected.push(PictureCost {
                 pixels_ms: picture.as_secs_f64() * 1e3,

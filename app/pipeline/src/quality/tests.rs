@@ -458,7 +458,7 @@ fn dump(name: &str, simulation: &Simulation) {
 fn it_begins_where_an_expected_picture_fits() {
     let expecting = |periods: f64, mode| {
         let picture = PERIOD.mul_f64(periods);
-        let begun = QualityController::new(PERIOD, mode).expecting(picture);
+        let begun = QualityController::new(PERIOD, mode).expecting(Some(picture));
         begun.quality().step
     };
     // Nothing is known, or it fits.

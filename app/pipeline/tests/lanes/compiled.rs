@@ -3,11 +3,10 @@
 use crate::stage::avatar;
 use app_pipeline::compiled_sources::CompiledSources;
 use app_pipeline::inference::Inference;
-use app_pipeline::plan::Plan;
 use identity::{Identity, PublicKey};
 use npu_runtime::{Origin, Provider, ProviderKind, QnnTarget, Runtime};
 use spmm3::Avatar;
-use spmm3::networks::CompiledGraph;
+use spmm3::networks::{CompiledGraph, GraphParts};
 use std::path::Path;
 use std::sync::Arc;
 use test_support::onnx::runtime_with_qnn;
@@ -67,7 +66,7 @@ fn origin(runtime: &Runtime, avatar: &Avatar, trusted: &[PublicKey], cache: &Pat
         trusted: trusted.to_vec(),
     };
     let avatar = Arc::new(avatar.clone());
-    let graph = Plan::Npu.graph();
+    let graph = GraphParts::Whole;
     let inference = Inference::open(runtime, &avatar, graph, &[provider], &sources);
     let inference = inference.expect("QNN takes the graph in either form");
     let (landing, origin) = inference.landing();

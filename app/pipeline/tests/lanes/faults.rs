@@ -71,6 +71,11 @@ fn a_lost_device_that_held_the_states_is_opened_again_and_the_call_goes_on() {
     lose_the_device_of(Plan::Gpu);
 }
 
+#[test]
+fn a_lost_device_that_ran_the_networks_is_opened_again_and_the_call_goes_on() {
+    lose_the_device_of(Plan::GpuAlone);
+}
+
 fn lose_the_device_of(plan: Plan) {
     let Some(gpu) = own_gpu() else { return };
     let swing = Swing::new(30.0, 1000, 0.5);

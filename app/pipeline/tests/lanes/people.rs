@@ -19,6 +19,7 @@ use renderer_splat::renderer::SplatRenderer;
 use renderer_vulkan::gpu::Gpu;
 use shaders_spirv::{Gaussian, PackedGaussian};
 use spmm3::MotionParams;
+use spmm3::networks::GraphParts;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
@@ -63,7 +64,7 @@ fn expected(
     scenery: &[PackedGaussian],
 ) -> Vec<u8> {
     let (runtime, avatar) = (onnx::runtime().expect("as before"), Arc::new(avatar()));
-    let graph = Plan::CpuTail.graph();
+    let graph = GraphParts::Skinned;
     let inference = Inference::open(
         &runtime,
         &avatar,
@@ -246,16 +247,16 @@ fn people_and_scenery_beyond_what_the_renderer_was_made_for_are_refused() {
         let inference = Inference::open(
             &runtime,
             &avatar,
-            plan.graph(),
+            GraphParts::Networks,
             &[CPU],
             &CompiledSources::default(),
         );
-        (stage.lanes).join(&avatar, inference.expect("a session"), swing(), plan)
+        (stage.lanes).join(&avatar, Some(inference.expect("a session")), swing(), plan)
     };
-    assert!(
-        matches!(join(Plan::Gpu), Err(ReceiverError::PosedTwice)),
-        "one mesh"
-    );
+    for plan in [Plan::Gpu, Plan::GpuAlone] {
+        let refused = join(plan);
+        assert!(matches!(refused, Err(ReceiverError::PosedTwice)), "{plan}");
+    }
     assert!(
         matches!(join(Plan::Cpu), Ok(Joined { number: 1, .. })),
         "room for two"

@@ -11,6 +11,7 @@ use npu_runtime::{Cancel, Runtime, RuntimeError};
 use renderer_splat::options::RendererOptions;
 use renderer_vulkan::gpu::Gpu;
 use spmm3::Avatar;
+use spmm3::networks::GraphParts;
 use std::sync::Arc;
 use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
@@ -147,7 +148,7 @@ fn a_graph_that_is_not_wanted_any_more_is_not_loaded() {
         Inference::open(
             runtime,
             &avatar,
-            Plan::Npu.graph(),
+            GraphParts::Whole,
             &[CPU],
             &CompiledSources::default(),
         )

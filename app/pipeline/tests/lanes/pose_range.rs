@@ -3,8 +3,8 @@
 use crate::stage::{CPU, avatar};
 use app_pipeline::compiled_sources::CompiledSources;
 use app_pipeline::inference::Inference;
-use app_pipeline::plan::Plan;
 use glam::Vec3;
+use spmm3::networks::GraphParts;
 use spmm3::{Avatar, Joint, MotionParams, PoseRange, SkinningTransforms};
 use std::sync::Arc;
 use test_support::onnx;
@@ -36,7 +36,7 @@ fn networks_see_the_nearest_pose_of_their_range_and_the_skeleton_the_motion_itse
         let mut inference = Inference::open(
             &runtime,
             &shared,
-            Plan::Npu.graph(),
+            GraphParts::Whole,
             &[CPU],
             &CompiledSources::default(),
         )

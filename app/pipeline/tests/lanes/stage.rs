@@ -5,6 +5,7 @@ use app_pipeline::concealment::ConcealmentState;
 use app_pipeline::inference::Inference;
 use app_pipeline::lanes::{DisplayClock, Drawn, Joined, LaneOptions, Lanes, MotionSource, Pose};
 use app_pipeline::plan::Plan;
+use app_pipeline::posing::{bound_mesh, bound_mesh_with_networks};
 use app_pipeline::profile::FrameTimes;
 use app_pipeline::quality::QualityMode;
 use app_pipeline::timeline::LatencyMode;
@@ -152,26 +153,25 @@ impl Stage {
         let gaussians = u32::try_from(avatar.gaussians.len()).expect("few");
         let options = RendererOptions {
             back_end: Some(BackEnd::Tiles),
-            mesh: (plan == Plan::Gpu)
-                .then(|| Arc::new(app_pipeline::posing::bound_mesh(&avatar).expect("a mesh"))),
+            mesh: match plan {
+                Plan::Gpu => Some(bound_mesh(&avatar)),
+                Plan::GpuAlone => Some(bound_mesh_with_networks(&avatar)),
+                Plan::Npu | Plan::CpuTail | Plan::Cpu => None,
+            }
+            .map(|mesh| Arc::new(mesh.expect("a mesh"))),
             // Room for two people and some scenery.
             ..RendererOptions::new(2 * gaussians + 256, SIDE, SIDE, 1)
         };
         let renderer = SplatRenderer::new(Arc::clone(gpu), &options).expect("a renderer");
-        let inference = Inference::open(
-            &runtime,
-            &avatar,
-            plan.graph(),
-            providers,
-            &CompiledSources::default(),
-        )
-        .expect("a session");
+        let sources = CompiledSources::default();
+        let open = |graph| Inference::open(&runtime, &avatar, graph, providers, &sources);
+        let inference = plan.graph().map(|graph| open(graph).expect("a session"));
         let options = LaneOptions {
             plan,
             latency: LatencyMode::Interpolate,
             quality,
             display_period: Duration::from_secs_f64(1.0 / hertz),
-            expected_picture: Duration::ZERO,
+            expected_picture: None,
         };
         let lanes =
             Lanes::start(&avatar, inference, renderer, swing, &options).expect("lanes start");
@@ -199,11 +199,11 @@ impl Stage {
         plan: Plan,
         swing: Swing,
     ) -> Joined<Swing> {
-        let graph = plan.graph();
+        let graph = plan.graph().expect("the host's networks");
         let sources = CompiledSources::default();
         let inference = Inference::open(&self.runtime, avatar, graph, &[CPU], &sources);
         let inference = inference.expect("a session");
-        let joined = self.lanes.join(avatar, inference, swing, plan);
+        let joined = self.lanes.join(avatar, Some(inference), swing, plan);
         joined.expect("somebody joins")
     }
 

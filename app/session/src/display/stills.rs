@@ -4,7 +4,6 @@ use super::{Display, DisplayNeeds, DrawnPicture, LiveSession, SessionError};
 use crate::participant::Origin;
 use crate::pose_queue::PoseQueue;
 use app_pipeline::lanes::{Drawn, Tick};
-use app_pipeline::plan::Plan;
 use app_pipeline::stage::Stage;
 use glam::Affine3A;
 use renderer_splat::camera::Camera;
@@ -119,7 +118,7 @@ impl Display for StillsDisplay<'_> {
 /// Waits until a motion frame's state is made. No picture is begun meanwhile: the CPU would make Gaussians for it first.
 fn wait_for_state(session: &mut LiveSession<'_>, motion_frame: u64) -> Result<(), SessionError> {
     let posed_by_device =
-        (session.people.first()).is_some_and(|one| one.placement.plan == Plan::Gpu);
+        (session.people.first()).is_some_and(|one| one.placement.plan.poses_on_device());
     let last = if posed_by_device {
         Stage::Inference
     } else {

@@ -357,13 +357,13 @@ fn placed() -> PlacementReport {
     PlacementReport {
         requested: "npu".to_owned(),
         plan: Plan::Npu,
-        provider: Provider::Nnapi,
+        provider: Some(Provider::Nnapi),
         units: Vec::new(),
         reason: String::new(),
         alternatives: Vec::new(),
         providers: Vec::new(),
-        landing: Landing::default(),
-        graph: Origin::Plain,
+        landing: Some(Landing::default()),
+        graph: Some(Origin::Plain),
         changes: Vec::new(),
     }
 }

@@ -111,10 +111,7 @@ impl OverlayWatch {
             }),
             kbit_s,
             loss,
-            placement: Some(format!(
-                "{} on {}",
-                self.placement.plan, self.placement.provider
-            )),
+            placement: Some(self.placement.name()),
             gaussians: pictures.last().map(|one| one.gaussians),
             quality: Some(quality.quality),
         }

@@ -246,7 +246,7 @@ impl<'a> Session<'a> {
         )?;
         // Only one person's Gaussians can stay on the device.
         let for_others = PlacementRequest {
-            plan: Some(if placed.plan == Plan::Gpu {
+            plan: Some(if placed.plan.poses_on_device() {
                 Plan::Cpu
             } else {
                 placed.plan
@@ -286,7 +286,7 @@ impl<'a> Session<'a> {
             quality: self.config.quality,
             display_period,
             // Of the first person alone: who joins is noticed by the pictures.
-            expected_picture: placed.report.picture().unwrap_or_default(),
+            expected_picture: placed.report.picture(),
         };
         // Networks are repacked for the kernels by several threads, which must end with that: the app may outlive many calls.
         let lanes = in_own_pool("start", move || {

@@ -20,6 +20,7 @@ use renderer_splat::picture::Backdrop;
 use renderer_splat::renderer::SplatRenderer;
 use renderer_vulkan::gpu::Gpu;
 use shaders_spirv::{Gaussian, PackedGaussian};
+use spmm3::networks::GraphParts;
 use spmm3::{Avatar, Joint, MotionParams};
 use std::sync::Arc;
 use std::time::Duration;
@@ -108,7 +109,7 @@ pub(crate) fn expected(
     let inference = Inference::open(
         runtime,
         &avatar,
-        plan.graph(),
+        GraphParts::Skinned,
         &[provider],
         &CompiledSources::default(),
     );

@@ -20,6 +20,7 @@ use mon3tr::report::{check_writable, write_json};
 use mon3tr::stills::load_avatar;
 use npu_runtime::Provider;
 use serde::Serialize;
+use spmm3::networks::GraphParts;
 use spmm3::{GaussianSet, MotionClip, Playback};
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -136,7 +137,7 @@ pub(super) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let inference = Inference::open(
         &runtime,
         &avatar,
-        PLAN.graph(),
+        GraphParts::Skinned,
         &[provider],
         &CompiledSources::default(),
     )?;

@@ -17,6 +17,7 @@ use reconstruct::bake::BAKE_VERSION;
 use renderer_splat::camera::Camera;
 use renderer_splat::gaussian::Gaussian;
 use renderer_vulkan::gpu::Gpu;
+use spmm3::networks::GraphParts;
 use spmm3::{Avatar, LOOP_SECONDS, MotionClip, Playback};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -193,7 +194,7 @@ fn the_person_is_drawn_as_the_reference_says(package: &Path, gpu: &Arc<Gpu>, run
     let inference = Inference::open(
         runtime,
         &avatar,
-        plan.graph(),
+        GraphParts::Skinned,
         &providers,
         &CompiledSources::default(),
     )

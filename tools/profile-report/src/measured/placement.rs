@@ -9,8 +9,10 @@ pub(super) fn chosen(placement: &PlacementReport) -> Vec<String> {
     let mut lines = headed(
         "placement",
         &format!(
-            "{} on {} (asked for: {}): {}",
-            placement.plan, placement.provider, placement.requested, placement.reason
+            "{} (asked for: {}): {}",
+            placement.name(),
+            placement.requested,
+            placement.reason
         ),
     );
     for unit in Unit::ALL {
@@ -23,9 +25,10 @@ pub(super) fn chosen(placement: &PlacementReport) -> Vec<String> {
             ));
         }
     }
-    let form = format!("{:?}", placement.graph).to_lowercase();
-    let nodes = format!("graph: {form}, nodes on {}", placement.landing);
-    lines.extend(headed("", &nodes));
+    if let (Some(form), Some(landing)) = (placement.graph, &placement.landing) {
+        let form = format!("{form:?}").to_lowercase();
+        lines.extend(headed("", &format!("graph: {form}, nodes on {landing}")));
+    }
     lines
 }
 
@@ -46,7 +49,7 @@ pub(super) fn tried(placement: &PlacementReport) -> Vec<String> {
         let is_chosen = placement.is_chosen(one);
         lines.push(format!(
             "{:<29} {:>9.2} {:>9.2} {:>12.2} {:>9.2} {predicted:>13.2}{}",
-            format!("{} on {}", one.plan, one.provider),
+            one.name(),
             costs.inference,
             costs.bind,
             costs.interpolate,
@@ -88,11 +91,15 @@ fn refused_for(alternatives: &[Alternative], reason: &str) -> Vec<String> {
             continue;
         };
         let provider = first.provider;
-        if of_provider.iter().all(|one| refusal(one) == Some(reason)) {
-            names.push(provider.to_string());
-        } else {
-            let plans: Vec<&str> = refused.map(|one| one.plan.name()).collect();
-            names.push(format!("{} on {provider}", plans.join(", ")));
+        match provider {
+            Some(provider) if of_provider.iter().all(|one| refusal(one) == Some(reason)) => {
+                names.push(provider.to_string());
+            }
+            _ => {
+                let plans: Vec<&str> = refused.map(|one| one.plan.name()).collect();
+                let on = provider.map_or_else(String::new, |provider| format!(" on {provider}"));
+                names.push(plans.join(", ") + &on);
+            }
         }
     }
     names

@@ -3,6 +3,8 @@
 use half::f16;
 use shaders_spirv::quantised;
 
+use super::checks::{fits, refused};
+use super::networks::{NetworkParts, Networks};
 use crate::error::RenderError;
 
 /// Attributes of a Gaussian, each a plane of its own.
@@ -102,6 +104,8 @@ pub struct BoundMesh {
     /// The levels' lists, one after another, and where each is.
     pub(super) kept: Vec<u32>,
     pub(super) levels: Vec<LevelRange>,
+    /// What computes poses from parameters, where the device does.
+    pub(super) networks: Option<Networks>,
 }
 
 impl std::fmt::Debug for BoundMesh {
@@ -152,6 +156,7 @@ impl BoundMesh {
             units,
             kept: Vec::new(),
             levels: Vec::new(),
+            networks: None,
         })
     }
 
@@ -195,6 +200,23 @@ impl BoundMesh {
         Ok(self)
     }
 
+    /// Adds the networks that drive it, in place of those there were: poses may then come as parameters
+    /// ([`Deformation::Parameters`](super::input::Deformation)).
+    ///
+    /// # Errors
+    /// [`RenderError::BoundMesh`] if layers do not follow one another or do not end at this mesh.
+    pub fn with_networks(mut self, parts: &NetworkParts<'_>) -> Result<Self, RenderError> {
+        let potentials = [self.controllers, self.bases, 16 * self.blocks];
+        self.networks = Some(Networks::new(parts, self.vertices, potentials)?);
+        Ok(self)
+    }
+
+    /// How many parameters its networks take, if it has any.
+    #[must_use]
+    pub fn parameters(&self) -> Option<u32> {
+        self.networks.as_ref().map(|networks| networks.parameters)
+    }
+
     /// Number of vertices N_v.
     #[must_use]
     pub fn vertices(&self) -> u32 {
@@ -234,14 +256,6 @@ impl BoundMesh {
     pub fn bases(&self) -> u32 {
         self.bases
     }
-}
-
-fn refused(problem: String) -> RenderError {
-    RenderError::BoundMesh(problem)
-}
-
-fn fits(what: &str, count: usize) -> Result<u32, RenderError> {
-    u32::try_from(count).map_err(|_| refused(format!("{count} {what} are too many")))
 }
 
 fn check_counts(
@@ -353,98 +367,4 @@ fn blocked_values(values: &[i8], bases: usize, gaussians: usize) -> Vec<[i8; BLO
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const UNITS: [f32; ATTRIBUTES] = [1.0; ATTRIBUTES];
-
-    /// Two Gaussians on one triangle, with three bases.
-    fn parts<'a>(attributes: &'a [f32], scales: &'a [f16], values: &'a [i8]) -> BoundMeshParts<'a> {
-        BoundMeshParts {
-            joints: 1,
-            skin_joints: &[[0; 4]; 3],
-            skin_weights: &[[0.25; 4]; 3],
-            corners: &[[0, 1, 2], [2, 1, 0]],
-            barycentrics: &[[0.25, 0.5], [0.0, 1.0]],
-            attributes,
-            controllers: 2,
-            neighbours: &[[0, 1, 0], [1, 0, 1]],
-            masses: &[[0.5, 0.25, 0.25], [1.0, 0.0, 0.0]],
-            bases: 3,
-            units: &UNITS,
-            scales,
-            values,
-        }
-    }
-
-    #[test]
-    fn bases_of_one_gaussian_lie_side_by_side() {
-        let scales: Vec<f16> = (0u8..28).map(f16::from).collect();
-        let values: Vec<i8> = (0..84).collect();
-        let mesh = BoundMesh::new(&parts(&[0.0; 28], &scales, &values)).expect("it fits together");
-        // Plane 1, Gaussian 1: rows 3, 4, 5 of two values each.
-        assert_eq!(mesh.values[3][..4], [7, 9, 11, 0], "three bases, then none");
-        // Planes 2 and 3 of Gaussian 1.
-        assert_eq!(mesh.scales[3], [5u8, 7].map(f16::from), "a pair of scales");
-        assert_eq!(mesh.bound[10..14], [1 << 16, 1, 0, 1], "neighbours");
-    }
-
-    #[test]
-    fn parts_that_do_not_fit_are_refused_by_name() {
-        let (attributes, scales, values) = ([0.0; 28], [f16::ZERO; 28], [0; 84]);
-        let good = parts(&attributes, &scales, &values);
-        let cases = [
-            (
-                BoundMeshParts {
-                    values: &values[1..],
-                    ..good
-                },
-                "83 values, not 84",
-            ),
-            (BoundMeshParts { bases: 0, ..good }, "no bases"),
-            (
-                BoundMeshParts {
-                    corners: &[[0, 1, 3], [0; 3]],
-                    ..good
-                },
-                "no vertex 3 of 3",
-            ),
-            (
-                BoundMeshParts {
-                    neighbours: &[[0, 2, 0], [0; 3]],
-                    ..good
-                },
-                "no controller 2",
-            ),
-            (
-                BoundMeshParts {
-                    skin_joints: &[[1; 4]; 3],
-                    ..good
-                },
-                "no joint 1",
-            ),
-            (
-                BoundMeshParts {
-                    masses: &[[0.0; 3]],
-                    ..good
-                },
-                "1 masses, not 2",
-            ),
-        ];
-        for (parts, expected) in cases {
-            let error = BoundMesh::new(&parts).expect_err(expected);
-            assert!(error.to_string().contains(expected), "{error}");
-        }
-        let mesh = BoundMesh::new(&good).expect("it fits together");
-        for (kept, log2_growth, expected) in [
-            (&[0, 2][..], &[0.0, 0.0][..], "no Gaussian 2"),
-            (&[], &[], "keeps 0"),
-            (&[1], &[f32::NAN], "NaN octaves"),
-            (&[1], &[], "grows 0"),
-        ] {
-            let level = DetailLevel { kept, log2_growth };
-            let error = mesh.clone().with_levels(&[level]).expect_err(expected);
-            assert!(error.to_string().contains(expected), "{error}");
-        }
-    }
-}
+mod tests;

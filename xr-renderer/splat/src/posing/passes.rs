@@ -12,15 +12,16 @@ use renderer_vulkan::pipeline::{ComputePipeline, Specialisation};
 use shaders_spirv::PackedGaussian;
 
 use super::bound_mesh::{BoundMesh, LevelRange};
-use super::input::{PosedInput, SlotLayout, StateId};
+use super::dispatch::{GROUP, word};
+use super::input::{Deformation, PosedInput, SlotLayout, StateId};
+use super::interpolation::Interpolation;
 use super::mesh_buffers::MeshBuffers;
+use super::network_passes::{NetworkPasses, Places};
 use crate::error::RenderError;
 use crate::motion_bound::{Change, MotionBound};
 
 /// States kept: two to draw between, and two that may come meanwhile.
 const RING: u32 = 4;
-/// Invocations per workgroup.
-const GROUP: u32 = 64;
 /// Means "all Gaussians, no list"; `ALL` in `shaders/interpolate.comp`.
 const ALL: u32 = u32::MAX;
 /// Farther than an order is kept for, metres.
@@ -34,6 +35,7 @@ static RINGS: AtomicU64 = AtomicU64::new(0);
 /// A mesh's poses, states and Gaussians on the device.
 pub(crate) struct Posing {
     gpu: Arc<Gpu>,
+    networks: Option<NetworkPasses>,
     skin: ComputePipeline,
     attributes: ComputePipeline,
     interpolate: ComputePipeline,
@@ -61,34 +63,14 @@ pub(crate) struct Posing {
     arranged: Vec<f32>,
 }
 
-/// A place between two states, or beyond the second.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Interpolation {
-    from: StateId,
-    to: StateId,
-    share: f32,
-    level: usize,
-}
-
-impl Interpolation {
-    /// Held within 0..=2, and at the later state where `share` is no number.
-    pub(crate) fn new(from: StateId, to: StateId, share: f32, level: usize) -> Self {
-        let share = if share.is_nan() { 1.0 } else { share };
-        Self {
-            from,
-            to,
-            share: share.clamp(0.0, 2.0),
-            level,
-        }
-    }
-}
-
 /// What the host knows of one slot of the ring.
 #[derive(Debug, Clone, Copy, Default)]
 struct Slot {
     root: [f32; 3],
-    /// Whether its input waits to be posed.
+    /// Whether its input waits to be posed ...
     waits: bool,
+    /// ... by the mesh's networks first.
+    is_driven: bool,
 }
 
 impl Posing {
@@ -146,7 +128,13 @@ impl Posing {
             Resource::Storage(&current),
             Resource::Storage(mesh_buffers.kept.buffer()),
         ];
+        let networks = (mesh.networks.as_ref())
+            .map(|networks| {
+                NetworkPasses::new(gpu, networks, inputs_copy.as_ref().unwrap_or(&inputs))
+            })
+            .transpose()?;
         Ok(Self {
+            networks,
             skin: make(shaders_spirv::POSE_VERTICES.words, &[GROUP], 16, &skin)?,
             attributes: make(
                 shaders_spirv::POSE_GAUSSIANS.words,
@@ -179,12 +167,18 @@ impl Posing {
     /// Records the mesh's upload, once.
     pub(crate) fn record_mesh(&self, commands: vk::CommandBuffer) {
         self.mesh.record(commands);
+        if let Some(networks) = &self.networks {
+            networks.record_upload(commands);
+        }
         barrier(&self.gpu, commands);
     }
 
     /// Frees what only the mesh's upload needed. The device is idle.
     pub(crate) fn mesh_upload_done(&mut self) {
         self.mesh.free_staging();
+        if let Some(networks) = &mut self.networks {
+            networks.free_staging();
+        }
     }
 
     /// Writes a pose over the oldest one; the device is not reading it.
@@ -195,15 +189,24 @@ impl Posing {
             number: self.pushed,
         };
         let index = slot_index(id);
-        self.layout.arrange(input, &mut self.arranged);
+        let arranged = self.layout.arrange(input, &mut self.arranged);
         let first = index as usize * self.layout.stride();
-        self.inputs.write_at(first, &self.arranged);
-        self.inputs
-            .write_at(first + self.layout.vertices(), input.canonical_vertices);
+        (self.inputs).write_at(first, self.arranged.get(..arranged).unwrap_or_default());
+        let is_driven = match input.deformation {
+            Deformation::Computed {
+                canonical_vertices, ..
+            } => {
+                let vertices = first + self.layout.vertices();
+                self.inputs.write_at(vertices, canonical_vertices);
+                false
+            }
+            Deformation::Parameters(_) => true,
+        };
         if let Some(slot) = self.slots.get_mut(index as usize) {
             *slot = Slot {
                 root: input.root,
                 waits: true,
+                is_driven,
             };
         }
         self.pushed += 1;
@@ -225,12 +228,18 @@ impl Posing {
         let Some(copy) = &self.inputs_copy else {
             return;
         };
-        let bytes = (self.layout.stride() * size_of::<f32>()) as u64;
-        for (index, _) in self.waiting() {
+        let bytes = |numbers: usize| (numbers * size_of::<f32>()) as u64;
+        for (index, slot) in self.waiting() {
+            let offset = u64::from(index) * bytes(self.layout.stride());
             let region = [vk::BufferCopy {
-                src_offset: u64::from(index) * bytes,
-                dst_offset: u64::from(index) * bytes,
-                size: bytes,
+                src_offset: offset,
+                dst_offset: offset,
+                // The device writes the rest itself.
+                size: bytes(if slot.is_driven {
+                    self.layout.potentials()
+                } else {
+                    self.layout.stride()
+                }),
             }];
             // SAFETY: the command buffer is being recorded; both buffers hold as many slots.
             unsafe {
@@ -239,6 +248,24 @@ impl Posing {
             }
         }
         barrier(&self.gpu, commands);
+    }
+
+    /// Records the networks of new poses that came as parameters.
+    pub(crate) fn record_networks(&self, commands: vk::CommandBuffer) {
+        let Some(networks) = &self.networks else {
+            return;
+        };
+        for (index, _) in self.waiting().filter(|(_, slot)| slot.is_driven) {
+            let first = index as usize * self.layout.stride();
+            networks.record(
+                commands,
+                Places {
+                    parameters: first + self.layout.parameters(),
+                    potentials: first + self.layout.potentials(),
+                    vertices: first + self.layout.vertices(),
+                },
+            );
+        }
     }
 
     /// Records the skinning of new poses' meshes.
@@ -390,9 +417,4 @@ impl Posing {
 #[expect(clippy::cast_possible_truncation, reason = "below the ring's size")]
 fn slot_index(id: StateId) -> u32 {
     (id.number % u64::from(RING)) as u32
-}
-
-/// A place in a buffer of less than 4 GiB.
-fn word(at: usize) -> u32 {
-    u32::try_from(at).unwrap_or_else(|_| unreachable!("the buffer was made"))
 }

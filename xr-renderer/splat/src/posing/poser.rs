@@ -11,7 +11,8 @@ use shaders_spirv::PackedGaussian;
 
 use super::bound_mesh::BoundMesh;
 use super::input::{PosedInput, StateId};
-use super::passes::{Interpolation, Posing};
+use super::interpolation::Interpolation;
+use super::passes::Posing;
 use crate::error::RenderError;
 
 /// Milliseconds the device took for the passes of the last call; 0 where its queue has no clock.
@@ -19,6 +20,8 @@ use crate::error::RenderError;
 pub struct PosingTimes {
     /// Copying new poses.
     pub upload: f64,
+    /// Their networks, where the device runs them.
+    pub networks: f64,
     /// Skinning their meshes.
     pub skin: f64,
     /// Residuals, and the Gaussians on the meshes.
@@ -35,7 +38,7 @@ pub struct Poser {
     gpu: Arc<Gpu>,
     posing: Posing,
     read_back: Buffer,
-    timestamps: Option<Timestamps<5>>,
+    timestamps: Option<Timestamps<6>>,
     times: PosingTimes,
     vertices: u32,
     gaussians: u32,
@@ -165,14 +168,16 @@ impl Poser {
             point(commands, 0);
             posing.record_upload(commands);
             point(commands, 1);
-            posing.record_skin(commands);
+            posing.record_networks(commands);
             point(commands, 2);
-            posing.record_attributes(commands);
+            posing.record_skin(commands);
             point(commands, 3);
+            posing.record_attributes(commands);
+            point(commands, 4);
             if interpolates {
                 posing.record_interpolation(commands);
             }
-            point(commands, 4);
+            point(commands, 5);
             posing.record_copy(commands, source, offset, read_back);
         })?;
         self.posing.states_done();
@@ -181,9 +186,10 @@ impl Poser {
             let pass = |index: usize| self.gpu.nanoseconds(ticks[index], ticks[index + 1]) * 1e-6;
             self.times = PosingTimes {
                 upload: pass(0),
-                skin: pass(1),
-                attributes: pass(2),
-                interpolate: pass(3),
+                networks: pass(1),
+                skin: pass(2),
+                attributes: pass(3),
+                interpolate: pass(4),
             };
         }
         Ok(())
@@ -193,6 +199,7 @@ impl Poser {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::posing::Deformation;
     use crate::posing::bound_mesh::{BoundMeshParts, DetailLevel};
     use crate::testing::open_gpu;
     use half::f16;
@@ -249,9 +256,11 @@ mod tests {
             // 64 / 8 metres along the normal for each unit of force; more poses than there are slots.
             for force in [0.0, 0.25, 0.5, 0.75, 1.0] {
                 let pose = PosedInput {
-                    canonical_vertices: &[0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
+                    deformation: Deformation::Computed {
+                        canonical_vertices: &[0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
+                        potentials: &[force],
+                    },
                     skinning: &skinning,
-                    potentials: &[force],
                     root: [0.0, 0.0, -3.0],
                 };
                 states.push(poser.push_state(&pose).expect("a pose"));

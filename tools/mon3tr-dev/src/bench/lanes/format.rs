@@ -87,40 +87,46 @@ impl Format {
         let shared = (picture_ms * 1e-3 * MOTION_RATE).min(1.0);
         let (posing, drawing) = (shared * costs.bind + costs.interpolate, costs.draw);
         let kinematics = shared * middle(&|turn| turn.kinematics_ms);
-        let rest = match scene.plan {
-            Plan::Gpu => vec![(
+        let networks = shared * costs.inference;
+        let its = match scene.plan {
+            Plan::GpuAlone => vec![(
                 Lane::Gpu,
-                "states, interpolation, drawing",
-                posing + drawing,
+                "networks, states, interpolation, drawing",
+                networks + posing + drawing,
             )],
+            Plan::Gpu => vec![
+                (Lane::Npu, "inference", networks),
+                (
+                    Lane::Gpu,
+                    "states, interpolation, drawing",
+                    posing + drawing,
+                ),
+            ],
             Plan::Npu | Plan::CpuTail | Plan::Cpu => vec![
+                (Lane::Npu, "inference", networks),
                 (Lane::Cpu, "states, interpolation", posing),
                 (Lane::Gpu, "upload to raster", drawing),
             ],
         };
-        let lanes: Vec<LaneFigures> = [
-            (Lane::Motion, "kinematics", kinematics),
-            (Lane::Npu, "inference", shared * costs.inference),
-        ]
-        .into_iter()
-        .chain(rest)
-        .map(|(lane, does, alone_ms)| LaneFigures {
-            lane,
-            does,
-            alone_ms,
-            beside_ms: median(
-                &together
-                    .iter()
-                    .map(|turn| busy_ms(turn, lane))
-                    .collect::<Vec<_>>(),
-            ),
-        })
-        .collect();
+        let lanes: Vec<LaneFigures> = std::iter::once((Lane::Motion, "kinematics", kinematics))
+            .chain(its)
+            .map(|(lane, does, alone_ms)| LaneFigures {
+                lane,
+                does,
+                alone_ms,
+                beside_ms: median(
+                    &together
+                        .iter()
+                        .map(|turn| busy_ms(turn, lane))
+                        .collect::<Vec<_>>(),
+                ),
+            })
+            .collect();
         let gpu_is_cpu = scene.gpu.info().is_cpu;
-        let unit_alone =
-            predicted_picture_ms(scene.plan, scene.provider.kind(), &costs, gpu_is_cpu);
+        let provider = scene.provider.map(npu_runtime::Provider::kind);
+        let unit_alone = predicted_picture_ms(scene.plan, provider, &costs, gpu_is_cpu);
         let predicted = (placement.alternatives.iter())
-            .find(|one| one.plan == placement.plan && one.provider == placement.provider.kind())
+            .find(|one| placement.is_chosen(one))
             .and_then(|one| one.predicted_ms);
         let slowest = lanes
             .iter()
@@ -175,8 +181,8 @@ impl Format {
             repeated += pictures.repeated;
         }
         println!(
-            "\n{views}{width}x{height}, {} on {}: {turns} turns, {shown} pictures, {repeated} of them with the Gaussians of the one before\n",
-            self.placement.plan, self.placement.provider
+            "\n{views}{width}x{height}, {}: {turns} turns, {shown} pictures, {repeated} of them with the Gaussians of the one before\n",
+            self.placement.name()
         );
         let rows: Vec<Vec<String>> = (self.lanes.iter())
             .map(|lane| {
@@ -232,7 +238,9 @@ impl Format {
 
     /// Which units are one.
     fn note(&self) -> String {
-        let networks_on_cpu = unit_of(self.placement.provider.kind()) == Unit::Cpu;
+        let provider = self.placement.provider;
+        let networks_on_cpu =
+            provider.is_some_and(|provider| unit_of(provider.kind()) == Unit::Cpu);
         let cores = DeviceOptions::threads();
         let shared = match (self.gpu_is_cpu, networks_on_cpu) {
             (true, true) => "NPU, CPU and GPU lanes share",

@@ -12,7 +12,7 @@ mod turn;
 use app_pipeline::control::Control;
 use app_pipeline::placement::{InferenceBackends, Placed, place};
 use app_pipeline::plan::{PlacementRequest, Plan};
-use app_pipeline::posing::bound_mesh;
+use app_pipeline::posing::bound_mesh_with_networks;
 use format::Format;
 use mon3tr::commands::bake::{BakeChoices, chosen_or_demo_avatar};
 use mon3tr::device_options::{DeviceOptions, compiled, describe};
@@ -111,8 +111,9 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         measured.onnx_runtime
     );
     let compiled = compiled()?;
-    let mesh = matches!(options.placement.plan, None | Some(Plan::Gpu))
-        .then(|| bound_mesh(&avatar))
+    let may_pose = (options.placement.plan).is_none_or(Plan::poses_on_device);
+    let mesh = may_pose
+        .then(|| bound_mesh_with_networks(&avatar))
         .transpose()?
         .map(Arc::new);
     for (size, views) in FORMATS {
@@ -161,7 +162,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
             provider: report.provider,
             units: report.units(),
             back_end: renderer.back_end(),
-            mesh: mesh.clone().filter(|_| plan == Plan::Gpu),
+            mesh: mesh.clone().filter(|_| plan.poses_on_device()),
             seconds: options.seconds,
         };
         drop(renderer);

@@ -7,7 +7,7 @@ use app_kernels::state::GaussianState;
 use app_pipeline::deform::Deformer;
 use app_pipeline::inference::Inference;
 use app_pipeline::placement::StageCosts;
-use app_pipeline::plan::Plan;
+use app_pipeline::posing::computed;
 use app_pipeline::profile::{Percentiles, Profile};
 use app_pipeline::stage::Stage;
 use mon3tr::performance::MOTION_RATE;
@@ -15,7 +15,7 @@ use npu_runtime::Outputs;
 use renderer_splat::camera::Camera;
 use renderer_splat::drawing::{Drawing, Foreground, Part};
 use renderer_splat::motion_bound::MotionBound;
-use renderer_splat::posing::{PosedInput, StateId};
+use renderer_splat::posing::{Deformation, PosedInput, StateId};
 use renderer_splat::renderer::SplatRenderer;
 use renderer_splat::slot::ForegroundSlot;
 use spmm3::{MotionParams, Skeleton, SkinningTransforms};
@@ -55,8 +55,8 @@ enum Maker {
         slot: ForegroundSlot,
     },
     Device {
-        inference: Inference,
-        outputs: Outputs,
+        /// Nothing where the device runs the networks.
+        inference: Option<(Inference, Outputs)>,
         skeleton: Skeleton,
         skinning: SkinningTransforms,
         states: Option<[StateId; 2]>,
@@ -124,15 +124,19 @@ impl Maker {
         first: &MotionParams,
     ) -> anyhow::Result<Self> {
         let inference = scene.inference()?;
-        if scene.plan == Plan::Gpu {
+        if scene.plan.poses_on_device() {
+            let with_outputs = |inference: Inference| -> anyhow::Result<_> {
+                let outputs = inference.outputs()?;
+                Ok((inference, outputs))
+            };
             return Ok(Self::Device {
-                outputs: inference.outputs()?,
-                inference,
+                inference: inference.map(with_outputs).transpose()?,
                 skeleton: scene.avatar.skeleton.clone(),
                 skinning: SkinningTransforms::default(),
                 states: None,
             });
         }
+        let inference = inference.context("the plan leaves no graph")?;
         let mut deformer = Deformer::new(scene.avatar, inference, scene.plan)?;
         let before = deformer.deform(first, &mut Profile::default())?.clone();
         Ok(Self::Host {
@@ -163,7 +167,6 @@ impl Maker {
             }
             Self::Device {
                 inference,
-                outputs,
                 skeleton,
                 skinning,
                 states,
@@ -172,12 +175,17 @@ impl Maker {
                 skeleton.skinning(&skeleton.pose(motion), skinning);
                 samples.kinematics.push(ms(posing));
                 let inferring = Instant::now();
-                inference.run(motion, skinning, outputs)?;
-                samples.inference.push(ms(inferring));
+                let deformation = match inference {
+                    Some((inference, outputs)) => {
+                        inference.run(motion, skinning, outputs)?;
+                        samples.inference.push(ms(inferring));
+                        computed(outputs)
+                    }
+                    None => Deformation::Parameters(motion.values()),
+                };
                 let newest = renderer.push_state(&PosedInput {
-                    canonical_vertices: outputs.get(0),
+                    deformation,
                     skinning: &skinning.0,
-                    potentials: outputs.get(1),
                     root: motion.root_translation.to_array(),
                 })?;
                 *states = Some([states.map_or(newest, |[_, before]| before), newest]);
@@ -224,12 +232,15 @@ impl Maker {
                 let whole = ms(drawing);
                 let times = renderer.stage_times();
                 let bind = times.skin + times.attributes;
+                if times.networks > 0.0 {
+                    samples.inference.push(times.networks);
+                }
                 // Only pictures after a new state make one.
                 if bind > 0.0 {
                     samples.bind.push(bind);
                 }
                 samples.interpolate.push(times.interpolate);
-                samples.draw.push(whole - bind - times.interpolate);
+                samples.draw.push(whole - times.posing());
             }
         }
         Ok(())

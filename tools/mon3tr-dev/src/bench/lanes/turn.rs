@@ -41,7 +41,7 @@ pub(super) struct Scene<'a> {
     pub(super) heading: Quat,
     pub(super) setting: RenderSettings,
     pub(super) plan: Plan,
-    pub(super) provider: Provider,
+    pub(super) provider: Option<Provider>,
     pub(super) units: [Unit; Stage::ALL.len()],
     pub(super) back_end: BackEnd,
     /// Where Gaussians are made on the device.
@@ -67,15 +67,14 @@ impl Scene<'_> {
         eyes(camera, self.setting.views)
     }
 
-    pub(super) fn inference(&self) -> anyhow::Result<Inference> {
-        let graph = self.plan.graph();
-        Ok(Inference::open(
-            self.runtime,
-            self.avatar,
-            graph,
-            &[self.provider],
-            self.compiled,
-        )?)
+    /// What the plan leaves to ONNX Runtime; nothing where the device does all of it.
+    pub(super) fn inference(&self) -> anyhow::Result<Option<Inference>> {
+        let (Some(graph), Some(provider)) = (self.plan.graph(), self.provider) else {
+            return Ok(None);
+        };
+        let (runtime, avatar) = (self.runtime, self.avatar);
+        let opened = Inference::open(runtime, avatar, graph, &[provider], self.compiled);
+        Ok(Some(opened?))
     }
 
     pub(super) fn renderer(&self) -> anyhow::Result<SplatRenderer> {
@@ -96,7 +95,7 @@ impl Scene<'_> {
             // Every picture as good as the first, however long it takes.
             quality: QualityMode::Fixed(0),
             display_period: display.period(),
-            expected_picture: Duration::ZERO,
+            expected_picture: None,
         };
         let clip = Clip::new(self.frames);
         let (inference, renderer) = (self.inference()?, self.renderer()?);

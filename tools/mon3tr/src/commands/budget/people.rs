@@ -22,6 +22,7 @@ use renderer_splat::motion_bound::MotionBound;
 use renderer_splat::options::{BackEnd, RendererOptions};
 use renderer_splat::renderer::SplatRenderer;
 use renderer_vulkan::gpu::Gpu;
+use spmm3::networks::GraphParts;
 use spmm3::{Avatar, at_ease};
 use std::sync::Arc;
 
@@ -46,7 +47,8 @@ impl Posed {
             threads: DeviceOptions::threads(),
         };
         let compiled = CompiledSources::default();
-        let inference = Inference::open(runtime, avatar, plan.graph(), &[provider], &compiled)?;
+        let inference =
+            Inference::open(runtime, avatar, GraphParts::Skinned, &[provider], &compiled)?;
         let mut deformer = Deformer::new(avatar, inference, plan)?;
         let state = deformer.deform(&at_ease(&avatar.skeleton), &mut Profile::default())?;
         let blend = Blend::new(state, state, 0.0)?;
@@ -74,6 +76,14 @@ fn figures(avatar: &Avatar) -> anyhow::Result<Person> {
     let mut numbers: usize = (layers.iter())
         .map(|layer| layer.weights().len() + layer.bias().len())
         .sum();
+    let weights = attributes.second.len()
+        + (layers.iter())
+            .map(|layer| layer.weights().len())
+            .sum::<usize>();
+    let outputs =
+        attributes.second_bias.len() + (layers.iter()).map(|layer| layer.outputs()).sum::<usize>();
+    let depth = [&mesh.first, &mesh.second, &mesh.code].map(|layer| layer.inputs());
+    let depth: usize = depth.iter().sum();
     numbers += mesh.decoder.values().len() + mesh.decoder.mean().len();
     numbers += attributes.second.len() + attributes.second_bias.len();
     let (gaussians, bases) = (avatar.gaussians.len(), attributes.bases.values().len());
@@ -82,6 +92,10 @@ fn figures(avatar: &Avatar) -> anyhow::Result<Person> {
         vertices: avatar.template.vertices().len() as u64,
         bases: (bases / gaussians.max(1) / 14) as u64,
         network_bytes: 2 * numbers as u64,
+        weights: weights as u64,
+        outputs: outputs as u64,
+        depth: depth as u64,
+        fields: mesh.decoder.rank() as u64,
         // A byte each.
         tail_bytes: bases as u64,
     })

@@ -6,7 +6,8 @@ use app_pipeline::placement::{StageCosts, predicted_picture_ms};
 use app_pipeline::plan::Plan;
 use app_pipeline::quality::{LADDER, Quality};
 use frame_budget::{
-    Chip, Estimate, Person, ShaderCosts, StageEstimate, Work, drawing, posing, showing, uploading,
+    Chip, Estimate, Person, ShaderCosts, StageEstimate, Work, drawing, networks, posing, showing,
+    uploading,
 };
 use npu_runtime::ProviderKind;
 use renderer_splat::options::BackEnd;
@@ -55,7 +56,8 @@ pub(super) struct BackEndEstimate {
 #[derive(Debug, Serialize)]
 pub(super) struct PlacementEstimate {
     pub(super) plan: Plan,
-    pub(super) provider: ProviderKind,
+    /// Nothing where the device runs the networks.
+    pub(super) provider: Option<ProviderKind>,
     /// Of all people, for each motion frame.
     pub(super) inference: Estimate,
     pub(super) bind: Estimate,
@@ -164,27 +166,32 @@ fn placements(
 ) -> anyhow::Result<Vec<PlacementEstimate>> {
     let draw = faster(back_ends);
     let mut all = Vec::new();
-    for provider in [ProviderKind::Qnn, ProviderKind::Cpu] {
+    for provider in [Some(ProviderKind::Qnn), Some(ProviderKind::Cpu), None] {
         for plan in Plan::ALL {
             // Without an NPU the graph's rest is faster as kernels of the CPU: `bench kernels`.
-            if provider == ProviderKind::Cpu && matches!(plan, Plan::Npu | Plan::CpuTail) {
+            let is_slower =
+                provider == Some(ProviderKind::Cpu) && matches!(plan, Plan::Npu | Plan::CpuTail);
+            if plan.graph().is_some() != provider.is_some() || is_slower {
                 continue;
             }
-            let times = people
-                .iter()
-                .map(|person| person.times(plan == Plan::Npu, provider == ProviderKind::Qnn, chip));
+            let on_npu = provider == Some(ProviderKind::Qnn);
+            let times = (people.iter()).map(|person| person.times(plan == Plan::Npu, on_npu, chip));
             let mut sum = times.fold([Estimate::NONE; 3], |[a, b, c], one| {
                 [a + one.inference, b + one.bind, c + one.interpolate]
             });
             let mut on_gpu = draw;
-            if plan == Plan::Gpu {
+            if plan.poses_on_device() {
                 // The device poses one person only.
                 let [person] = people else { continue };
                 let stages = posing(work, person.vertices, person.bases, 1.0, costs, chip)?;
                 let [pose, interpolate] = stages.as_slice() else {
                     continue;
                 };
-                sum = [sum[0], pose.ms, interpolate.ms];
+                let inference = match provider {
+                    Some(_) => sum[0],
+                    None => networks(person, costs, chip)?.ms,
+                };
+                sum = [inference, pose.ms, interpolate.ms];
                 let upload = uploading(work, chip).ms;
                 on_gpu = Estimate::new(
                     draw.least - upload.least,

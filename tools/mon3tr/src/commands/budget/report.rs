@@ -2,6 +2,7 @@
 
 use super::predictions::{Budget, Crowd, USABLE, unit_share};
 use app_pipeline::plan::unit_of;
+use app_pipeline::stage::Unit;
 use frame_budget::{Chip, Estimate, ViewWork};
 
 /// What was published about splatting people on the same headset.
@@ -155,7 +156,7 @@ fn placements(crowds: &[Crowd]) {
                 "| {} | {} | {} | {} | {:.0} % | {} | {} | {} | {} | {:.0} |",
                 crowd.people,
                 one.plan,
-                unit_of(one.provider).name(),
+                one.provider.map_or(Unit::Gpu, unit_of).name(),
                 one.inference,
                 share.likely,
                 one.bind,

@@ -158,7 +158,10 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
             vulkan_device: gpu.info().name.clone(),
             vulkan_driver: gpu.info().driver.clone(),
             onnx_runtime: runtime.version().to_owned(),
-            provider: person.placement.provider.to_string(),
+            provider: person
+                .placement
+                .provider
+                .map(|provider| provider.to_string()),
             width,
             height,
             views: options.views().count(),

@@ -75,11 +75,11 @@ impl<'a> Watch<'a> {
         let inference = (placement.and_then(|placement| placement.inference())).unwrap_or_default();
         let mut seconds = self.options.seconds;
         let least = inference.saturating_mul(FEWEST_INFERENCES);
-        if let (true, Some(placement)) = (least > seconds, placement) {
+        let provider = placement.and_then(|placement| placement.provider);
+        if let (true, Some(provider)) = (least > seconds, provider) {
             println!(
-                "measuring {:.0} s, for {FEWEST_INFERENCES} motion frames: {} took {:.1} s for one",
+                "measuring {:.0} s, for {FEWEST_INFERENCES} motion frames: {provider} took {:.1} s for one",
                 least.as_secs_f64(),
-                placement.provider,
                 inference.as_secs_f64()
             );
             seconds = least;
