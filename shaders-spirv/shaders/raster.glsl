@@ -19,7 +19,11 @@ layout(set = 0, binding = 6, std430) writeonly buffer DepthPicture { uint depth_
 
 const uint BLOCK_WIDTH = SUBGROUP > 64u ? 16u : 8u;
 const uint BLOCK_HEIGHT = 8u;
-const uint PIXELS = BLOCK_WIDTH * BLOCK_HEIGHT / SUBGROUP; // per lane
+// A lane's pixels: in each of its columns some rows, evenly apart.
+const uint COLUMNS = SUBGROUP < BLOCK_WIDTH ? BLOCK_WIDTH / SUBGROUP : 1u;
+const uint ROW_STEP = SUBGROUP > BLOCK_WIDTH ? SUBGROUP / BLOCK_WIDTH : 1u;
+const uint ROWS = BLOCK_HEIGHT / ROW_STEP;
+const uint PIXELS = COLUMNS * ROWS;
 const uint ROW_BLOCKS = TILE / BLOCK_WIDTH;
 const uint TILE_BLOCKS = ROW_BLOCKS * (TILE / BLOCK_HEIGHT);
 const uint BALLOT_WORDS = (SUBGROUP + 31u) / 32u;
@@ -32,6 +36,11 @@ shared Splat handed[SUBGROUP];
 #endif
 
 float square(float x) { return x * x; }
+
+// Where the pixel of a lane's row of one of its columns is, from the block's corner.
+uvec2 pixel_at(uint lane, uint column, uint row) {
+    return uvec2(column * SUBGROUP + lane % BLOCK_WIDTH, row * ROW_STEP + lane / BLOCK_WIDTH);
+}
 
 // Greatest log2(alpha) of the splat over the pixel centres in [low, high].
 float block_peak(Splat s, vec2 low, vec2 high) {
@@ -76,6 +85,15 @@ void wait_for_hands() { subgroupBarrier(); }
 Splat take(Splat own, uint from) { return handed[from]; }
 #endif
 
+// One pixel of one splat.
+void blend(inout vec4 sum, inout float transmittance, float log2_alpha, vec4 rgbz) {
+    float alpha = log2_alpha >= LOG2_ALPHA_CUT ? min(exp2(log2_alpha), ALPHA_MOST) : 0.0;
+    float weight = alpha * transmittance;
+    sum.rgb += weight * rgbz.rgb;
+    if (DEPTH) sum.a += weight * rgbz.a;
+    transmittance -= weight;
+}
+
 void main() {
     uint view = gl_WorkGroupID.z;
     uint lane = gl_SubgroupInvocationID;
@@ -99,14 +117,15 @@ void main() {
     vec2 high = min(vec2(block + uvec2(BLOCK_WIDTH, BLOCK_HEIGHT)), vec2(size)) - 0.5;
     vec4 sum[PIXELS]; // colour and depth
     float transmittance[PIXELS];
-    vec2 centre[PIXELS];
-    for (uint i = 0u; i < PIXELS; ++i) {
-        uint pixel = i * SUBGROUP + lane;
-        uvec2 at = block + uvec2(pixel % BLOCK_WIDTH, pixel / BLOCK_WIDTH);
-        sum[i] = vec4(0.0);
-        centre[i] = vec2(at) + 0.5;
-        // Pixels beyond the picture's edge count as finished.
-        transmittance[i] = all(lessThan(at, size)) ? 1.0 : 0.0;
+    vec2 centre[COLUMNS]; // of each column's rows
+    for (uint column = 0u; column < COLUMNS; ++column) {
+        centre[column] = vec2(block + pixel_at(lane, column, 0u)) + vec2(0.5, 0.5 + 0.5 * float((ROWS - 1u) * ROW_STEP));
+        for (uint row = 0u; row < ROWS; ++row) {
+            uint i = column * ROWS + row;
+            sum[i] = vec4(0.0);
+            // Pixels beyond the picture's edge count as finished.
+            transmittance[i] = all(lessThan(block + pixel_at(lane, column, row), size)) ? 1.0 : 0.0;
+        }
     }
 
     uint base = start;
@@ -133,15 +152,24 @@ void main() {
                 left &= left - 1u;
                 Splat one = take(own, from);
                 vec4 rgbz = colour_of(own_colour, one, from);
-                for (uint i = 0u; i < PIXELS; ++i) {
-                    float dx = centre[i].x - one.mean_x;
-                    float dy = centre[i].y - one.mean_y;
-                    float log2_alpha = one.log2_opacity - square(one.ux * dx + one.uy * dy) - square(one.wy * dy);
-                    float alpha = log2_alpha >= LOG2_ALPHA_CUT ? min(exp2(log2_alpha), ALPHA_MOST) : 0.0;
-                    float weight = alpha * transmittance[i];
-                    sum[i].rgb += weight * rgbz.rgb;
-                    if (DEPTH) sum[i].a += weight * rgbz.a;
-                    transmittance[i] -= weight;
+                for (uint column = 0u; column < COLUMNS; ++column) {
+                    float dx = centre[column].x - one.mean_x;
+                    float dy = centre[column].y - one.mean_y;
+                    float along = one.ux * dx + one.uy * dy;
+                    float across = one.wy * dy;
+                    float middle = one.log2_opacity - square(along) - square(across);
+                    // Down the column it is a parabola; rows as far above the middle as below share its even part.
+                    float slope = 2.0 * (along * one.uy + across * one.wy);
+                    float bend = square(one.uy) + square(one.wy);
+                    for (uint row = 0u; row < (ROWS + 1u) / 2u; ++row) {
+                        float y = 0.5 * float((ROWS - 1u - 2u * row) * ROW_STEP);
+                        float even = middle - bend * (y * y);
+                        float odd = slope * y;
+                        blend(sum[column * ROWS + row], transmittance[column * ROWS + row], even + odd, rgbz);
+                        if (2u * row + 1u == ROWS) continue;
+                        uint mirrored = column * ROWS + ROWS - 1u - row;
+                        blend(sum[mirrored], transmittance[mirrored], even - odd, rgbz);
+                    }
                 }
             } while (left != 0u);
         }
@@ -153,8 +181,7 @@ void main() {
     } while (base < end);
 
     for (uint i = 0u; i < PIXELS; ++i) {
-        uint pixel = i * SUBGROUP + lane;
-        uvec2 at = block + uvec2(pixel % BLOCK_WIDTH, pixel / BLOCK_WIDTH);
+        uvec2 at = block + pixel_at(lane, i / ROWS, i % ROWS);
         // The neighbour to the right; nothing where the picture ends.
         float next_depth = subgroupShuffleXor(sum[i].a, 1u);
         if (all(lessThan(at, size))) {
