@@ -252,9 +252,13 @@ impl Tiles {
             tiles_y,
             views,
         } = Layout::of(target);
-        // Each workgroup draws a block: 16x8 pixels by the widest subgroups, 8x8 by all others.
-        let tile_blocks = if self.gpu.subgroup_size() > 64 { 2 } else { 4 };
-        let groups = [tiles_x * tile_blocks, tiles_y, views];
+        // Each workgroup draws a tile, or one of its blocks: 16x8 pixels by the widest subgroups, 8x8 by all others.
+        let tile_groups = match (self.gpu.features().broadcasts, self.gpu.subgroup_size()) {
+            (true, _) => 1,
+            (false, ..=64) => 4,
+            (false, _) => 2,
+        };
+        let groups = [tiles_x * tile_groups, tiles_y, views];
         self.raster.dispatch(commands, &[], groups);
         barrier(&self.gpu, commands);
     }
