@@ -27,7 +27,14 @@ layout(set = 0, binding = 0, std140) uniform FrameParams {
     uint sorts;               // 1 where this picture is sorted, 0 where the last order is kept
     float guard_turn;         // how far an order may be kept: turn of the head in radians ...
     float guard_move;         // ... and its movement in metres
+    uvec4 visible_rows[128];  // [view][row of tiles / 4]: what each row has that anyone sees, see below
 } frame;
+
+// First and last column of the tiles of a row that anyone sees; the first is behind the last where nobody sees any.
+uvec2 visible_columns(uint view, uint row) {
+    uint word = frame.visible_rows[view * 64u + (row >> 2)][row & 3u];
+    return uvec2(word & 0xFFFFu, word >> 16);
+}
 
 // A Gaussian as one view sees it. With d = pixel centre - (mean_x, mean_y):
 //   alpha = exp2(log2_opacity - (ux*d.x + uy*d.y)^2 - (wy*d.y)^2)

@@ -19,6 +19,13 @@ pub struct ViewParams {
     pub clip: [f32; 4],
 }
 
+/// The most rows of tiles of [`TILE_PIXELS`](crate::TILE_PIXELS) that a picture has: one of 4096 pixels.
+pub const MOST_TILE_ROWS: usize = 256;
+
+/// For each row of a view's tiles from the top, the first column that anyone sees in its lower 16 bits and the last one in the upper 16
+/// bits; the first is behind the last where nobody sees any. The rows that a picture lacks are not read.
+pub type VisibleRows = [u32; MOST_TILE_ROWS];
+
 /// Cameras, sizes and limits of one picture; `FrameParams` in `shaders/frame.glsl` (std140).
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -51,6 +58,8 @@ pub struct FrameParams {
     pub guard_turn: f32,
     /// How far the head may move, metres, while an order is kept.
     pub guard_move: f32,
+    /// What anyone sees of each row of tiles, in each view.
+    pub visible_rows: [VisibleRows; 2],
 }
 
 /// Which Gaussians of the foreground a dispatch projects, and where they stand; `PartParams` in

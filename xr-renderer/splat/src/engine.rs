@@ -10,7 +10,7 @@ use renderer_vulkan::commands::{Commands, barrier};
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
 use renderer_vulkan::timestamps::Timestamps;
-use shaders_spirv::{FrameParams, PackedGaussian};
+use shaders_spirv::{FrameParams, PackedGaussian, VisibleRows};
 
 use crate::back_ends::{BackEndTrial, BackEnds, Redraw};
 use crate::camera::{Camera, head_depth_plane, is_rigid};
@@ -31,6 +31,7 @@ use crate::read_back::ReadBack;
 use crate::slot::ForegroundSlot;
 use crate::target::Target;
 use crate::times::{PictureTime, StageSpans, StageTimes};
+use crate::visible_tiles::VisibleTiles;
 
 /// The renderer's parts on one device.
 pub(crate) struct Engine {
@@ -156,6 +157,7 @@ impl Engine {
             self.back_ends
                 .prepare(&self.geometry, &self.target, images)?;
         }
+        let visible_rows = self.visible_rows(images.as_deref());
         let foreground = *self.geometry.sorted();
         let keeps = drawing.keep_order && self.order.is_of(&foreground);
         let needs_order = !keeps && !self.order.serves(cameras, &foreground);
@@ -166,6 +168,7 @@ impl Engine {
         let mut sorts = needs_order;
         loop {
             let mut frame = self.frame_params(cameras, sorts);
+            frame.visible_rows = visible_rows;
             self.back_ends.describe(&mut frame, &self.target);
             self.geometry.write_frame(&frame);
             self.record_and_run(sorts, images.as_deref())?;
@@ -309,6 +312,18 @@ impl Engine {
             return Err(RenderError::TooManyGaussians { count, limit });
         }
         Ok(())
+    }
+
+    /// What anyone sees of the picture, which has the target's size.
+    fn visible_rows(&self, images: Option<&dyn ExternalImages>) -> [VisibleRows; 2] {
+        let Target { width, height, .. } = self.target;
+        let visible = images
+            .and_then(ExternalImages::visible_tiles)
+            .filter(|views| views.iter().all(|tiles| tiles.size() == [width, height]));
+        match visible {
+            Some(views) => views.each_ref().map(VisibleTiles::rows),
+            None => [VisibleTiles::all(width, height).rows(); 2],
+        }
     }
 
     fn frame_params(&self, cameras: &[Camera], sorts: bool) -> FrameParams {

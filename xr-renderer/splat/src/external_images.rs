@@ -8,6 +8,7 @@ use renderer_vulkan::gpu::Gpu;
 use crate::error::RenderError;
 use crate::quad_pass::QuadPass;
 use crate::target::Target;
+use crate::visible_tiles::VisibleTiles;
 
 /// Which back ends may draw the pictures that follow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,6 +32,12 @@ pub trait ExternalImages {
         target: &Target,
         drawers: BackEndSet,
     ) -> Result<(), RenderError>;
+
+    /// What anyone sees of each view of the picture that was prepared: nothing is drawn in the other tiles. All of it where there is
+    /// nothing, or it is of another size.
+    fn visible_tiles(&self) -> Option<&[VisibleTiles; 2]> {
+        None
+    }
 
     /// The pass whose first subpass quads are drawn in; none where the target has to be copied.
     fn pass(&self) -> Option<&Arc<QuadPass>>;
