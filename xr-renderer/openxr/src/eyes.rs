@@ -116,7 +116,7 @@ pub(crate) struct EyeImages {
     pub(crate) colour: Swapchain,
     pub(crate) depth: Option<Swapchain>,
     foveation: Option<Foveation>,
-    /// What the lenses show of the pictures, where the runtime tells.
+    /// What the lenses hide of the pictures, where the runtime tells.
     pub(crate) mask: Option<VisibilityMask>,
     /// Whether the runtime's images can be drawn into, and the device has the memory for it.
     can_draw: bool,

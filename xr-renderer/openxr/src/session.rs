@@ -11,6 +11,7 @@ use glam::Affine3A;
 use openxr::{
     EnvironmentBlendMode, Event, EventDataBuffer, FrameStream, FrameWaiter, Instance, Vulkan,
 };
+use renderer_splat::visible_tiles::VisibleTiles;
 use renderer_vulkan::gpu::Gpu;
 
 use crate::canvas::Canvas;
@@ -205,6 +206,14 @@ impl Session {
     #[must_use]
     pub fn render_path(&self) -> Option<RenderPath> {
         self.images.render_path()
+    }
+
+    /// How much of the left and the right picture the lenses show, 0 to 1, where the runtime tells: of the last picture, whose hidden part was not
+    /// drawn.
+    #[must_use]
+    pub fn lenses_show(&self) -> Option<[f64; 2]> {
+        let tiles = self.images.mask.as_ref()?.visible_tiles()?;
+        Some(tiles.each_ref().map(VisibleTiles::share))
     }
 
     /// Whether the viewer's own room is behind what is transparent.

@@ -13,6 +13,11 @@ use crate::camera::Camera;
 /// How far around a point that is seen pixels are needed: a compositor that takes a picture's colours between pixels
 /// reads the next ones, and no tile's fate may hang on rounding.
 const MARGIN_PIXELS: f64 = 1.0;
+/// The same, in lines.
+const MARGIN_LINES: u32 = 1;
+
+/// Runs of hidden triangles that lie side by side meet within this, pixels: their common side is rounded twice.
+const TOUCHING: f64 = 1e-6;
 
 /// A row in which nobody sees anything: the first tile is behind the last one.
 const NONE: [u8; 2] = [1, 0];
@@ -39,15 +44,42 @@ impl VisibleTiles {
         this
     }
 
-    /// The tiles of a camera's picture in which anything of these triangles lies, or within a pixel of them. Corners are where a ray goes
-    /// through the plane one metre before the camera: x to the right and y up, in metres. No number in them is infinite or NaN.
+    /// The tiles of a camera's picture in which anything is that these triangles do not cover together, or within a pixel of them. Corners are
+    /// where a ray goes through the plane one metre before the camera: x to the right and y up, in metres. No number in them is infinite
+    /// or NaN.
     #[must_use]
-    pub fn showing(camera: &Camera, triangles: impl IntoIterator<Item = [Vec2; 3]>) -> Self {
-        let mut this = Self::none(camera.width, camera.height);
+    pub fn behind(camera: &Camera, hidden: impl IntoIterator<Item = [Vec2; 3]>) -> Self {
         let scale = DVec2::new(f64::from(camera.fx), -f64::from(camera.fy));
         let centre = DVec2::new(f64::from(camera.cx), f64::from(camera.cy));
-        for triangle in triangles {
-            this.show(triangle.map(|corner| centre + scale * corner.as_dvec2()));
+        let hidden: Vec<[DVec2; 3]> = hidden
+            .into_iter()
+            .map(|triangle| triangle.map(|corner| centre + scale * corner.as_dvec2()))
+            .collect();
+        let mut this = Self::none(camera.width, camera.height);
+        let tile = f64::from(TILE_PIXELS);
+        let (width, columns) = (f64::from(camera.width), this.columns());
+        let mut covered = Vec::new();
+        for line in 0..camera.height {
+            let height = f64::from(line) + 0.5;
+            covered.clear();
+            covered.extend(hidden.iter().filter_map(|one| extent_at(one, height)));
+            let Some([left, right]) = open_between(&mut covered, width) else {
+                continue;
+            };
+            let seen = [left - MARGIN_PIXELS, right + MARGIN_PIXELS];
+            let seen = seen.map(|x| column((x / tile).floor(), columns));
+            // The rows of tiles that this line of pixels is in, or next to.
+            let margin = MARGIN_LINES;
+            let first = line.saturating_sub(margin) / TILE_PIXELS;
+            let last = (line + margin).min(camera.height - 1) / TILE_PIXELS;
+            for row in first..=last {
+                if let Some(row) = this.rows.get_mut(row as usize) {
+                    *row = match *row {
+                        NONE => seen,
+                        [first, last] => [first.min(seen[0]), last.max(seen[1])],
+                    };
+                }
+            }
         }
         this
     }
@@ -57,36 +89,6 @@ impl VisibleTiles {
             width,
             height,
             rows: [NONE; MOST_TILE_ROWS],
-        }
-    }
-
-    /// Adds what lies in a triangle, whose corners are in pixels, y down.
-    fn show(&mut self, triangle: [DVec2; 3]) {
-        let tile = f64::from(TILE_PIXELS);
-        let [a, b, c] = triangle;
-        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-        let (rows, columns) = (self.row_count(), self.columns());
-        let most = f64::from(columns) - 1.0;
-        for (index, row) in self.rows.iter_mut().enumerate().take(rows) {
-            let top = index as f64 * tile - MARGIN_PIXELS;
-            let bottom = (index as f64 + 1.0) * tile + MARGIN_PIXELS;
-            if high.y < top || low.y > bottom {
-                continue;
-            }
-            let Some([left, right]) = extent_within(triangle, top, bottom) else {
-                continue;
-            };
-            let first = ((left - MARGIN_PIXELS) / tile).floor();
-            let last = ((right + MARGIN_PIXELS) / tile).floor();
-            if first > most || last < 0.0 {
-                continue;
-            }
-            let seen = [column(first, columns), column(last, columns)];
-            *row = if *row == NONE {
-                seen
-            } else {
-                [row[0].min(seen[0]), row[1].max(seen[1])]
-            };
         }
     }
 
@@ -127,27 +129,45 @@ impl VisibleTiles {
     }
 }
 
-/// The least and the greatest x of what a triangle has between two heights, if it has anything there.
-fn extent_within(triangle: [DVec2; 3], top: f64, bottom: f64) -> Option<[f64; 2]> {
+/// The least and the greatest x of what a triangle has at a height, if it has anything there.
+fn extent_at(triangle: &[DVec2; 3], height: f64) -> Option<[f64; 2]> {
     let mut extent: Option<[f64; 2]> = None;
     let mut take = |x: f64| {
         let [least, greatest] = extent.unwrap_or([x, x]);
         extent = Some([least.min(x), greatest.max(x)]);
     };
-    for (index, from) in triangle.into_iter().enumerate() {
-        let to = triangle[(index + 1) % 3];
-        if (top..=bottom).contains(&from.y) {
+    let [a, b, c] = *triangle;
+    for (from, to) in [(a, b), (b, c), (c, a)] {
+        if from.y == height {
             take(from.x);
         }
-        for height in [top, bottom] {
-            // Whether the side's ends are on both sides of that height.
-            if (from.y < height) != (to.y < height) {
-                let share = (height - from.y) / (to.y - from.y);
-                take(from.x + share * (to.x - from.x));
-            }
+        if (from.y < height) != (to.y < height) {
+            let share = (height - from.y) / (to.y - from.y);
+            take(from.x + share * (to.x - from.x));
         }
     }
     extent
+}
+
+/// The first and the last x from 0 to `width` that none of these runs covers; nothing where they cover all of it.
+fn open_between(covered: &mut [[f64; 2]], width: f64) -> Option<[f64; 2]> {
+    covered.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut left = 0.0f64;
+    for [from, to] in covered.iter() {
+        if *from > left + TOUCHING {
+            break;
+        }
+        left = left.max(*to);
+    }
+    covered.sort_unstable_by(|a, b| b[1].total_cmp(&a[1]));
+    let mut right = width;
+    for [from, to] in covered.iter() {
+        if *to < right - TOUCHING {
+            break;
+        }
+        right = right.min(*from);
+    }
+    (left < width && right > 0.0).then_some([left, right])
 }
 
 /// A column's number, held within a picture of so many.
@@ -208,68 +228,92 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_tile_with_a_pixel_in_a_triangle_is_left_out(
-            triangles in prop::collection::vec([corner(), corner(), corner()], 1..6),
+        fn no_tile_with_a_pixel_that_no_triangle_hides_is_left_out(
+            triangles in prop::collection::vec([corner(), corner(), corner()], 0..12),
             width in 1u32..200,
             height in 1u32..200,
         ) {
-            let tiles = VisibleTiles::showing(&camera(FOV, width, height), triangles.iter().copied());
+            let tiles = VisibleTiles::behind(&camera(FOV, width, height), triangles.iter().copied());
             for y in 0..height {
                 for x in 0..width {
                     let point = on_plane(FOV, [width, height], x, y);
-                    let seen = triangles.iter().any(|triangle| holds(*triangle, point));
-                    prop_assert!(!seen || shows(&tiles, x, y), "pixel {x}, {y} of {width}x{height}");
+                    let hidden = triangles.iter().any(|triangle| holds(*triangle, point));
+                    prop_assert!(hidden || shows(&tiles, x, y), "pixel {x}, {y} of {width}x{height}");
                 }
             }
         }
 
         #[test]
-        fn the_first_and_last_tile_of_a_row_have_something_of_a_triangle_near(
-            triangle in [corner(), corner(), corner()],
+        fn tiles_that_lie_two_pixels_within_what_is_hidden_are_left_out(
+            corners in [0.1f32..0.7, 0.1f32..0.7, 0.1f32..0.7, 0.1f32..0.7],
+            split in 0.2f32..0.8,
         ) {
-            let size = [160u32, 160];
-            let tiles = VisibleTiles::showing(&camera(FOV, size[0], size[1]), [triangle]);
+            let size = [300u32, 280];
+            let [left, right, down, up] = [FOV.left, FOV.right, FOV.down, FOV.up].map(f32::tan);
+            // Each corner of the picture hidden by a triangle that reaches beyond its edges, cut into two that share a side.
+            let places = [(left, up), (right, up), (left, down), (right, down)];
+            let whole: Vec<[Vec2; 3]> = places.iter().zip(corners).map(|((x, y), share)| {
+                let beyond = Vec2::new(x + 0.01 * x.signum(), y + 0.01 * y.signum());
+                let across = Vec2::new(-x.signum() * share * (right - left), 0.0);
+                let along = Vec2::new(0.0, -y.signum() * share * (up - down));
+                [beyond, beyond + across, beyond + along]
+            }).collect();
+            let cut = whole.iter().flat_map(|[a, b, c]| {
+                let between = b.lerp(*c, split);
+                [[*a, *b, between], [*c, *a, between]]
+            });
+            let tiles = VisibleTiles::behind(&camera(FOV, size[0], size[1]), cut);
             let origin = on_plane(FOV, size, 0, 0);
             let step = on_plane(FOV, size, 1, 1) - origin;
-            let in_pixels = triangle.map(|corner| (corner.as_dvec2() - origin) / step + 0.5);
-            // Points of its sides a fifth of a pixel apart, or it covers the tile.
-            let near = |column: u32, row: usize| {
-                let middle = DVec2::new(f64::from(column), row as f64) * 16.0 + 8.0;
-                let within = |point: DVec2| (point - middle).abs().max_element() <= 8.0 + 2.5;
-                let side = |index: usize| {
-                    let (from, to) = (in_pixels[index], in_pixels[(index + 1) % 3]);
-                    (0..=3000).any(|share| within(from.lerp(to, f64::from(share) / 3000.0)))
-                };
-                (0..3).any(side) || holds(triangle, origin + (middle - 0.5) * step)
-            };
-            for row in 0..10 {
-                if let Some(columns) = tiles.columns_of(row) {
-                    for end in [*columns.start(), *columns.end()] {
-                        prop_assert!(near(end, row), "column {end} of row {row}");
-                    }
+            let mut left_out = 0;
+            for (row, column) in (0u32..18).flat_map(|row| (0u32..19).map(move |column| (row, column))) {
+                let ends = [-2.5, 17.5];
+                let within = |triangle: &[Vec2; 3]| ends.iter().all(|down| ends.iter().all(|across| {
+                    let corner = DVec2::new(f64::from(column) * 16.0 + across, f64::from(row) * 16.0 + down);
+                    holds(*triangle, origin + corner * step)
+                }));
+                if whole.iter().any(within) {
+                    left_out += 1;
+                    prop_assert!(!shows(&tiles, column * 16, row * 16), "column {column} of row {row}");
                 }
             }
+            prop_assume!(left_out > 0);
         }
     }
 
     #[test]
-    fn a_view_that_is_seen_wholly_shows_all_tiles_and_one_that_is_not_shows_none() {
+    fn a_view_with_nothing_before_it_shows_all_tiles_and_one_that_is_covered_none() {
         let camera = camera(FOV, 250, 130);
+        let all = VisibleTiles::behind(&camera, []);
+        assert_eq!(all, VisibleTiles::all(250, 130), "all");
+        assert_eq!(all.share(), 1.0, "all");
+        assert_eq!(all.columns_of(8), Some(0..=15), "the last row");
+        assert_eq!(all.columns_of(9), None, "there is no such row");
         let wide = [
             Vec2::new(-9.0, -9.0),
             Vec2::new(20.0, -9.0),
             Vec2::new(-9.0, 20.0),
         ];
-        let all = VisibleTiles::showing(&camera, [wide]);
-        assert_eq!(all, VisibleTiles::all(250, 130), "all");
-        assert_eq!(all.share(), 1.0, "all");
-        assert_eq!(all.columns_of(8), Some(0..=15), "the last row");
-        assert_eq!(all.columns_of(9), None, "there is no such row");
-        let beside = wide.map(|corner| corner + Vec2::new(40.0, 0.0));
-        let none = VisibleTiles::showing(&camera, [beside]);
+        let none = VisibleTiles::behind(&camera, [wide]);
         assert_eq!(none.share(), 0.0, "none");
         let huge = wide.map(|corner| corner * 1e37);
-        assert_eq!(VisibleTiles::showing(&camera, [huge]), all, "far away");
+        assert_eq!(VisibleTiles::behind(&camera, [huge]), none, "far away");
+        let beside = wide.map(|corner| corner + Vec2::new(40.0, 0.0));
+        assert_eq!(VisibleTiles::behind(&camera, [beside]), all, "beside it");
+        let point = [Vec2::ZERO; 3];
+        assert_eq!(VisibleTiles::behind(&camera, [point]), all, "nothing");
+    }
+
+    #[test]
+    fn a_hole_in_the_middle_of_a_row_is_drawn() {
+        let camera = camera(FOV, 250, 130);
+        let middle = [
+            Vec2::new(-0.5, -0.5),
+            Vec2::new(0.5, -0.5),
+            Vec2::new(0.0, 0.5),
+        ];
+        let all = VisibleTiles::behind(&camera, [middle]);
+        assert_eq!(all.share(), 1.0, "from the first column to the last");
     }
 
     #[test]

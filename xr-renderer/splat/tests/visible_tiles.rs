@@ -66,11 +66,14 @@ fn eyes() -> [Camera; 2] {
     })
 }
 
-/// A regular octagon around the camera's axis, somewhat smaller than the picture, as a fan.
+/// All but a regular octagon around the camera's axis, somewhat smaller than the picture, is hidden by a ring.
 fn octagon(camera: &Camera) -> VisibleTiles {
     let corner = |index: u8| Vec2::from_angle(f32::from(index) * std::f32::consts::FRAC_PI_4) * 0.4;
-    let fan = (0..8).map(|index| [Vec2::ZERO, corner(index), corner(index + 1)]);
-    VisibleTiles::showing(camera, fan)
+    let ring = (0..8).flat_map(|index| {
+        let [from, to] = [corner(index), corner(index + 1)];
+        [[from, to, from * 3.0], [to, to * 3.0, from * 3.0]]
+    });
+    VisibleTiles::behind(camera, ring)
 }
 
 /// Gaussians all over the picture and beyond its edges, small and large.
@@ -212,7 +215,8 @@ fn quads_that_nobody_sees_are_left_out_and_what_is_seen_is_the_same() {
 #[test]
 fn a_lens_for_pictures_of_another_size_hides_nothing() {
     let Some(gpu) = open_gpu() else { return };
-    let other = VisibleTiles::showing(&eyes()[0].resized(SIZE[0], SIZE[1] - 1), []);
+    let everything = [[-9.0, -9.0], [20.0, -9.0], [-9.0, 20.0]].map(Vec2::from_array);
+    let other = VisibleTiles::behind(&eyes()[0].resized(SIZE[0], SIZE[1] - 1), [everything]);
     let open = draw(&gpu, BackEnd::Tiles, None);
     let behind = draw(&gpu, BackEnd::Tiles, Some([other.clone(), other]));
     assert!(open.views == behind.views, "all is drawn");

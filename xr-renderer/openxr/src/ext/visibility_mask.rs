@@ -1,7 +1,9 @@
-//! `XR_KHR_visibility_mask`: which part of each eye's picture the lens shows.
+//! `XR_KHR_visibility_mask`: which part of each eye's picture the lens hides.
 //!
-//! The runtime gives it as triangles on the plane one metre before the eye. What they do not touch is not drawn. Without the extension, or
-//! with a mask that cannot be right, all of the picture is drawn: an eye that sees a hole is worse than a tile too much.
+//! The runtime gives it as triangles on the plane one metre before the eye. What they cover is not drawn. Without the extension, or with a mask
+//! that cannot be right, all of the picture is drawn: an eye that sees a hole is worse than a tile too much. So the triangles are those of what
+//! is hidden, not of what is seen, which the extension has too: where a view is wider than its mask (Monado's are those of the headset's
+//! own field of view, whatever that of a frame is), the rest is drawn.
 
 use std::fmt;
 
@@ -17,8 +19,8 @@ use crate::headset::VIEWS;
 const EXTENSION: &str = "XR_KHR_visibility_mask";
 const CALL: &str = "xrGetVisibilityMaskKHR";
 
-/// The most corners and the most triangles of a mask; headsets' have a few hundred.
-const MOST: u32 = 4096;
+/// The most triangles of a mask; headsets' have a few hundred.
+const MOST_TRIANGLES: u32 = 2048;
 /// Every lens shows at least so much of the picture.
 const LEAST_SHARE: f64 = 0.5;
 
@@ -54,7 +56,7 @@ impl fmt::Display for Wrong {
     }
 }
 
-/// Triangles that an eye sees: where rays go through the plane one metre before it, x to the right and y up, metres.
+/// Triangles that an eye does not see: where rays go through the plane one metre before it, x to the right and y up, metres.
 type Mesh = Vec<[Vec2; 3]>;
 
 /// The lenses' masks, and what they leave of the pictures that are drawn now.
@@ -121,7 +123,7 @@ impl VisibilityMask {
         let mut tiles = cameras.map(|camera| VisibleTiles::all(camera.width, camera.height));
         for ((tiles, camera), mesh) in tiles.iter_mut().zip(&cameras).zip(&mut self.meshes) {
             let Some(triangles) = mesh else { continue };
-            *tiles = VisibleTiles::showing(camera, triangles.iter().copied());
+            *tiles = VisibleTiles::behind(camera, triangles.iter().copied());
         }
         let believable = |(tiles, camera)| is_believable(tiles, camera);
         if let Some(hides) = tiles.iter().zip(&cameras).find(|at| !believable(*at)) {
@@ -169,7 +171,7 @@ fn is_believable(tiles: &VisibleTiles, camera: &Camera) -> bool {
     tiles.share() >= LEAST_SHARE && (shows_axis || !axis_is_drawn)
 }
 
-/// The triangles that a view's lens shows; none where the runtime has no mask for it.
+/// The triangles that a view's lens hides; none where the runtime has no mask for it.
 fn ask(session: &Session<Vulkan>, view: u32) -> Result<Mesh, Wrong> {
     let mut mask = empty();
     call(session, view, &mut mask)?;
@@ -219,7 +221,7 @@ fn call(
             session.as_raw(),
             VIEWS,
             view,
-            VisibilityMaskTypeKHR::VISIBLE_TRIANGLE_MESH,
+            VisibilityMaskTypeKHR::HIDDEN_TRIANGLE_MESH,
             mask,
         )
     };
@@ -229,7 +231,7 @@ fn call(
 /// Corners and indices that the runtime has or gave, if they are as many as a mask can have.
 fn counts(mask: &sys::VisibilityMaskKHR) -> Result<[usize; 2], Wrong> {
     let (corners, indices) = (mask.vertex_count_output, mask.index_count_output);
-    if corners > MOST || indices > 3 * MOST {
+    if corners > 3 * MOST_TRIANGLES || indices > 3 * MOST_TRIANGLES {
         return Err(Wrong::TooLarge { corners, indices });
     }
     Ok([corners as usize, indices as usize])

@@ -1,4 +1,4 @@
-//! `XR_KHR_visibility_mask`: what the lenses show, as the test says.
+//! `XR_KHR_visibility_mask`: what the lenses hide, as the test says.
 
 use openxr::sys::{self, Result as XrResult};
 use openxr::{ViewConfigurationType, VisibilityMaskTypeKHR};
@@ -11,23 +11,42 @@ use super::pointers::{change, read, values};
 pub(crate) struct Lens {
     /// x and y on the plane one metre before the eye.
     pub(crate) corners: Vec<[f32; 2]>,
-    /// Three for each triangle that is seen.
+    /// Three for each triangle that is hidden.
     pub(crate) indices: Vec<u32>,
     /// Corners and indices that it says it has before it is asked for them, if not as many as it has.
     pub(crate) says: Option<[u32; 2]>,
 }
 
 impl Lens {
-    /// A fan around the eye's axis, through these corners.
-    pub(crate) fn fan(corners: &[[f32; 2]]) -> Self {
+    /// A ring around these corners, as wide as they are from their middle.
+    pub(crate) fn around(corners: &[[f32; 2]]) -> Self {
         let count = corners.len() as u32;
+        let middle = [0, 1].map(|axis| {
+            let sum: f32 = corners.iter().map(|corner| corner[axis]).sum();
+            sum / corners.len() as f32
+        });
+        let outer = |corner: &[f32; 2]| [0, 1].map(|axis| 2.0 * corner[axis] - middle[axis]);
         Self {
-            corners: std::iter::once([0.0; 2])
-                .chain(corners.iter().copied())
+            corners: corners
+                .iter()
+                .copied()
+                .chain(corners.iter().map(outer))
                 .collect(),
             indices: (0..count)
-                .flat_map(|index| [0, index + 1, (index + 1) % count + 1])
+                .flat_map(|from| {
+                    let to = (from + 1) % count;
+                    [from, to, count + from, to, count + to, count + from]
+                })
                 .collect(),
+            says: None,
+        }
+    }
+
+    /// A rectangle from one corner to the opposite one.
+    pub(crate) fn rectangle(low: [f32; 2], high: [f32; 2]) -> Self {
+        Self {
+            corners: vec![low, [high[0], low[1]], high, [low[0], high[1]]],
+            indices: vec![0, 1, 2, 0, 2, 3],
             says: None,
         }
     }
@@ -49,7 +68,7 @@ pub(super) unsafe extern "system" fn get_visibility_mask(
         let Some(lens) = world.lenses.get(view as usize) else {
             return XrResult::ERROR_VALIDATION_FAILURE;
         };
-        if kind != VisibilityMaskTypeKHR::VISIBLE_TRIANGLE_MESH {
+        if kind != VisibilityMaskTypeKHR::HIDDEN_TRIANGLE_MESH {
             return XrResult::ERROR_VALIDATION_FAILURE;
         }
         let corners: Vec<_> = lens

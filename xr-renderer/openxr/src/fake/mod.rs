@@ -262,7 +262,7 @@ impl FakeRuntime {
         });
     }
 
-    /// Changes what a view's lens shows, and queues the event of it.
+    /// Changes what a view's lens hides, and queues the event of it.
     pub(crate) fn queue_lens(&self, view: u32, lens: Lens) {
         let session = self.set(|world| {
             world.lenses[view as usize] = lens;

@@ -92,7 +92,7 @@ pub(crate) struct World {
     pub(crate) eye_size: [u32; 2],
     /// Left, right: pose in the room, field of view.
     pub(crate) eyes: [(Posef, Fovf); 2],
-    /// What each one's lens shows; without corners all.
+    /// What each one's lens hides; without corners nothing.
     pub(crate) lenses: [Lens; 2],
     pub(crate) head: Posef,
     /// LOCAL's origin in the room, whose own is LOCAL_FLOOR's and STAGE's.

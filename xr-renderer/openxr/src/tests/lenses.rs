@@ -39,7 +39,7 @@ fn ellipse(world: &World, eye: usize) -> Vec<[f32; 2]> {
 }
 
 fn put_lenses(world: &mut World) {
-    world.lenses = [0, 1].map(|eye| Lens::fan(&ellipse(world, eye)));
+    world.lenses = [0, 1].map(|eye| Lens::around(&ellipse(world, eye)));
 }
 
 /// Whether the ellipse of [`ellipse`] shows a pixel's centre: in f64, of the pixel's place alone, for its sides are chords.
@@ -189,7 +189,7 @@ fn a_lens_is_asked_for_once_and_anew_when_the_runtime_says_that_it_changed() {
     let asked = || fake.calls("xrGetVisibilityMaskKHR").len();
     assert_eq!(asked(), 2, "each eye once: there is no mask to fetch");
     assert_eq!(shown.corners(), [false; 2], "no lenses");
-    let lens = fake.set(|world| Lens::fan(&ellipse(world, 1)));
+    let lens = fake.set(|world| Lens::around(&ellipse(world, 1)));
     fake.queue_lens(1, lens.clone());
     assert_eq!(shown.corners(), [false, true], "of the right eye");
     assert_eq!(asked(), 4, "its size, then itself");
@@ -216,40 +216,42 @@ fn a_mask_that_cannot_be_right_hides_nothing() {
     let Some(mut shown) = Shown::new(&fake) else {
         return;
     };
-    let right = fake.set(|world| Lens::fan(&ellipse(world, 0)));
+    let right = fake.set(|world| Lens::around(&ellipse(world, 0)));
     let with = |change: fn(&mut Lens)| {
         let mut lens = right.clone();
         change(&mut lens);
         lens
     };
-    // More than half of the picture, all of it below the axis.
-    let below = Lens {
-        corners: vec![[-2.0, -2.0], [2.0, -2.0], [2.0, -0.08], [-2.0, -0.08]],
-        indices: vec![0, 1, 2, 0, 2, 3],
-        says: None,
-    };
+    let most = Lens::rectangle([-2.0, -2.0], [0.2, 2.0]);
+    // Less than half of the picture, and all around the axis.
+    let upper = Lens::rectangle([-2.0, -0.08], [2.0, 2.0]);
+    let millions = Some([3_000_000, u32::MAX]);
     let wrong: [(&str, Lens); 9] = [
-        ("no such corner", with(|lens| lens.indices[5] = 25)),
+        ("no such corner", with(|lens| lens.indices[5] = 48)),
         ("no number", with(|lens| lens.corners[3][0] = f32::NAN)),
         ("infinite", with(|lens| lens.corners[3][1] = f32::INFINITY)),
         ("no triangles", with(|lens| lens.indices.truncate(70))),
         (
             "millions",
-            with(|lens| lens.says = Some([3_000_000, u32::MAX])),
+            Lens {
+                says: millions,
+                ..right.clone()
+            },
         ),
         ("fewer than it has", with(|lens| lens.says = Some([3, 3]))),
         ("no indices", with(|lens| lens.indices.clear())),
-        (
-            "hardly anything",
-            with(|lens| lens.corners.iter_mut().flatten().for_each(|x| *x *= 0.3)),
-        ),
-        ("not the middle", below),
+        ("more than half", most),
+        ("the middle", upper),
     ];
     for (what, lens) in wrong {
         fake.queue_lens(0, right.clone());
         assert_eq!(shown.corners(), [true, false], "a lens, before {what}");
+        fake.forget_calls();
         fake.queue_lens(0, lens);
         assert_eq!(shown.corners(), [false; 2], "{what}");
+        let asked = fake.calls("xrGetVisibilityMaskKHR").len();
+        let sized = !["millions", "no indices"].contains(&what);
+        assert_eq!(asked, 1 + usize::from(sized), "calls for {what}");
     }
     fake.fail("xrGetVisibilityMaskKHR", XrResult::ERROR_RUNTIME_FAILURE);
     fake.queue_lens(0, right.clone());
@@ -265,7 +267,7 @@ fn a_runtime_without_the_extension_is_not_asked() {
     fake.set(|world| {
         world
             .extensions
-            .retain(|name| *name != "XR_KHR_visibility_mask")
+            .retain(|name| *name != "XR_KHR_visibility_mask");
     });
     fake.set(put_lenses);
     let Some(mut shown) = Shown::new(&fake) else {
