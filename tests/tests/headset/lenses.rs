@@ -36,9 +36,9 @@ fn corners_are_hidden(back_end: &str) {
         );
         assert_eq!(clear + opaque, all, "hidden or seen wholly");
         // 1024 is a multiple of a tile's side.
-        let hidden = (1.0 - share) * f64::from(SIZE[0] * SIZE[1]);
-        let most = hidden.round() as usize;
-        assert!(clear > 0 && clear <= most, "{clear} pixels of {most}");
+        let most = (1.0 - share) * f64::from(SIZE[0] * SIZE[1]) + 0.5;
+        let hidden = f64::from(u32::try_from(clear).expect("a picture's pixels"));
+        assert!(clear > 0 && hidden <= most, "{clear} pixels of {most}");
         let [width, height] = SIZE;
         for (x, y) in [
             (0, 0),

@@ -10,14 +10,14 @@ use renderer_vulkan::commands::{Commands, barrier};
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
 use renderer_vulkan::timestamps::Timestamps;
-use shaders_spirv::{FrameParams, PackedGaussian, VisibleRows};
+use shaders_spirv::{FrameParams, PackedGaussian};
 
 use crate::back_ends::{BackEndTrial, BackEnds, Redraw};
 use crate::camera::{Camera, head_depth_plane, is_rigid};
 use crate::cost::dearest;
 use crate::drawing::{Drawing, Foreground, Part};
 use crate::error::RenderError;
-use crate::external_images::ExternalImages;
+use crate::external_images::{ExternalImages, visible_rows};
 use crate::geometry_pass::GeometryPass;
 use crate::interrupt::Interrupt;
 use crate::limits::MOST_PARTS;
@@ -31,7 +31,6 @@ use crate::read_back::ReadBack;
 use crate::slot::ForegroundSlot;
 use crate::target::Target;
 use crate::times::{PictureTime, StageSpans, StageTimes};
-use crate::visible_tiles::VisibleTiles;
 
 /// The renderer's parts on one device.
 pub(crate) struct Engine {
@@ -157,7 +156,7 @@ impl Engine {
             self.back_ends
                 .prepare(&self.geometry, &self.target, images)?;
         }
-        let visible_rows = self.visible_rows(images.as_deref());
+        let visible_rows = visible_rows(images.as_deref(), &self.target);
         let foreground = *self.geometry.sorted();
         let keeps = drawing.keep_order && self.order.is_of(&foreground);
         let needs_order = !keeps && !self.order.serves(cameras, &foreground);
@@ -312,18 +311,6 @@ impl Engine {
             return Err(RenderError::TooManyGaussians { count, limit });
         }
         Ok(())
-    }
-
-    /// What anyone sees of the picture, which has the target's size.
-    fn visible_rows(&self, images: Option<&dyn ExternalImages>) -> [VisibleRows; 2] {
-        let Target { width, height, .. } = self.target;
-        let visible = images
-            .and_then(ExternalImages::visible_tiles)
-            .filter(|views| views.iter().all(|tiles| tiles.size() == [width, height]));
-        match visible {
-            Some(views) => views.each_ref().map(VisibleTiles::rows),
-            None => [VisibleTiles::all(width, height).rows(); 2],
-        }
     }
 
     fn frame_params(&self, cameras: &[Camera], sorts: bool) -> FrameParams {

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use ash::vk;
 use renderer_vulkan::gpu::Gpu;
+use shaders_spirv::VisibleRows;
 
 use crate::error::RenderError;
 use crate::quad_pass::QuadPass;
@@ -50,4 +51,19 @@ pub trait ExternalImages {
 
     /// Tells that the picture is finished, and whether it was drawn directly.
     fn finished(&mut self, direct: bool);
+}
+
+/// What anyone sees of the target's present picture, which these images were prepared for, as the shaders read it.
+pub(crate) fn visible_rows(
+    images: Option<&dyn ExternalImages>,
+    target: &Target,
+) -> [VisibleRows; 2] {
+    let (width, height) = (target.width, target.height);
+    let visible = images
+        .and_then(ExternalImages::visible_tiles)
+        .filter(|views| views.iter().all(|tiles| tiles.size() == [width, height]));
+    match visible {
+        Some(views) => views.each_ref().map(VisibleTiles::rows),
+        None => [VisibleTiles::all(width, height).rows(); 2],
+    }
 }
