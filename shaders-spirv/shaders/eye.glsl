@@ -21,15 +21,15 @@ layout(set = 0, binding = 0, std140) uniform EyeParams {
     float near;             // depth 0 and 1 for the compositor, metres
     float far;
     uint strip_rows;        // rows of tiles that one strip of the picture has
-    uvec4 visible_rows[128]; // as in frame.glsl
+    uvec4 visible_rows[256]; // as in frame.glsl
 } eye;
 
 const uint TILE = 16u;
 
 // First and last column of a row's tiles that anyone sees, as in frame.glsl.
 uvec2 visible_columns(uint view, uint row) {
-    uint word = eye.visible_rows[view * 64u + (row >> 2)][row & 3u];
-    return uvec2(word & 0xFFFFu, word >> 16);
+    uvec4 columns = eye.visible_rows[row];
+    return view == 0u ? columns.xy : columns.zw;
 }
 
 vec3 decoded(vec3 display) {

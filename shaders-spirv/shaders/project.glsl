@@ -37,6 +37,7 @@ struct Seen {
 
 // Whether anyone sees one of these tiles, found at the first row as a rule.
 bool is_visible(uint view, uvec2 first, uvec2 last) {
+    if (is_whole(first.y, last.y)) return true;
     for (uint row = first.y; row <= last.y; ++row) {
         uvec2 columns = visible_columns(view, row);
         if (first.x <= columns.y && last.x >= columns.x && columns.x <= columns.y) return true;

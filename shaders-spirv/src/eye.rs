@@ -41,6 +41,6 @@ pub struct EyeParams {
     pub strip_rows: u32,
     /// Nothing: `std140` puts arrays at multiples of 16 bytes.
     pub padding: [u32; 3],
-    /// What anyone sees of each row of tiles, in each view.
-    pub visible_rows: [VisibleRows; 2],
+    /// What anyone sees of each row of tiles.
+    pub visible_rows: VisibleRows,
 }

@@ -110,6 +110,8 @@ fn frame_parameters_lie_as_the_shader_reads_them() {
                 sorts: sorts,
                 guard_turn: guard_turn,
                 guard_move: guard_move,
+                whole_first: whole_first,
+                whole_last: whole_last,
                 visible_rows: visible_rows,
             }
         );

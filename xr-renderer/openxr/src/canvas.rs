@@ -183,8 +183,8 @@ impl<'a> Canvas<'a> {
             strip_rows: strip_rows(target, visible.is_some()),
             padding: [0; 3],
             visible_rows: match visible {
-                Some(views) => views.each_ref().map(VisibleTiles::rows),
-                None => [VisibleTiles::all(width, height).rows(); 2],
+                Some(views) => VisibleTiles::rows(views),
+                None => VisibleTiles::rows(&[(); 2].map(|()| VisibleTiles::all(width, height))),
             },
         }
     }

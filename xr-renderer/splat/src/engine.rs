@@ -17,7 +17,7 @@ use crate::camera::{Camera, head_depth_plane, is_rigid};
 use crate::cost::dearest;
 use crate::drawing::{Drawing, Foreground, Part};
 use crate::error::RenderError;
-use crate::external_images::{ExternalImages, visible_rows};
+use crate::external_images::{ExternalImages, describe_visible};
 use crate::geometry_pass::GeometryPass;
 use crate::interrupt::Interrupt;
 use crate::limits::MOST_PARTS;
@@ -156,7 +156,6 @@ impl Engine {
             self.back_ends
                 .prepare(&self.geometry, &self.target, images)?;
         }
-        let visible_rows = visible_rows(images.as_deref(), &self.target);
         let foreground = *self.geometry.sorted();
         let keeps = drawing.keep_order && self.order.is_of(&foreground);
         let needs_order = !keeps && !self.order.serves(cameras, &foreground);
@@ -167,7 +166,7 @@ impl Engine {
         let mut sorts = needs_order;
         loop {
             let mut frame = self.frame_params(cameras, sorts);
-            frame.visible_rows = visible_rows;
+            describe_visible(&mut frame, images.as_deref(), &self.target);
             self.back_ends.describe(&mut frame, &self.target);
             self.geometry.write_frame(&frame);
             self.record_and_run(sorts, images.as_deref())?;

@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use ash::vk;
 use renderer_vulkan::gpu::Gpu;
-use shaders_spirv::VisibleRows;
+use shaders_spirv::FrameParams;
 
 use crate::error::RenderError;
 use crate::quad_pass::QuadPass;
 use crate::target::Target;
-use crate::visible_tiles::VisibleTiles;
+use crate::visible_tiles::{VisibleTiles, whole_rows};
 
 /// Which back ends may draw the pictures that follow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,17 +53,24 @@ pub trait ExternalImages {
     fn finished(&mut self, direct: bool);
 }
 
-/// What anyone sees of the target's present picture, which these images were prepared for, as the shaders read it.
-pub(crate) fn visible_rows(
+/// Tells the shaders what anyone sees of the target's present picture, which these images were prepared for.
+pub(crate) fn describe_visible(
+    frame: &mut FrameParams,
     images: Option<&dyn ExternalImages>,
     target: &Target,
-) -> [VisibleRows; 2] {
+) {
     let (width, height) = (target.width, target.height);
-    let visible = images
+    let all;
+    let views = images
         .and_then(ExternalImages::visible_tiles)
         .filter(|views| views.iter().all(|tiles| tiles.size() == [width, height]));
-    match visible {
-        Some(views) => views.each_ref().map(VisibleTiles::rows),
-        None => [VisibleTiles::all(width, height).rows(); 2],
-    }
+    let views = match views {
+        Some(views) => views,
+        None => {
+            all = [(); 2].map(|()| VisibleTiles::all(width, height));
+            &all
+        }
+    };
+    frame.visible_rows = VisibleTiles::rows(views);
+    [frame.whole_first, frame.whole_last] = whole_rows(views);
 }

@@ -1,7 +1,7 @@
 //! Which tiles of a picture anyone sees, where something before the display hides others: a lens, or a frame around it.
 //!
 //! For each row of tiles one run of columns, which all that is seen lies in. What is seen through a lens has no gaps, so little is drawn that
-//! nobody sees; and to draw only that costs a comparison a row, not a test a tile.
+//! nobody sees; and to draw only that costs a look-up a row, not a test a tile, and nothing in rows that are seen wholly.
 
 use std::ops::RangeInclusive;
 
@@ -122,11 +122,31 @@ impl VisibleTiles {
         tiles as f64 / all.max(1) as f64
     }
 
-    /// As the shaders read it.
+    /// Both views', as the shaders read them.
     #[must_use]
-    pub fn rows(&self) -> VisibleRows {
-        (self.rows).map(|[first, last]| u32::from(first) | u32::from(last) << 16)
+    pub fn rows([left, right]: &[Self; 2]) -> VisibleRows {
+        std::array::from_fn(|row| {
+            let [[first, last], [right_first, right_last]] = [left, right].map(|it| it.rows[row]);
+            [first, last, right_first, right_last].map(u32::from)
+        })
     }
+}
+
+/// The first and the last of the rows around the middle one that either view shows wholly, of pictures of one size; the first is behind the last
+/// where the middle one is not.
+pub(crate) fn whole_rows(views: &[VisibleTiles; 2]) -> [u32; 2] {
+    let [left, right] = views;
+    let whole = [0, column(f64::from(left.columns()) - 1.0, left.columns())];
+    let is_whole = |row: usize| left.rows[row] == whole && right.rows[row] == whole;
+    let middle = left.row_count() / 2;
+    let above = (0..middle).rev().take_while(|row| is_whole(*row)).count();
+    let below = (middle..left.row_count()).take_while(|row| is_whole(*row));
+    let below = below.count();
+    if below == 0 {
+        return [1, 0];
+    }
+    let number = |row: usize| u32::try_from(row).unwrap_or(0);
+    [number(middle - above), number(middle + below - 1)]
 }
 
 /// The least and the greatest x of what a triangle has at a height, if it has anything there.
@@ -317,15 +337,34 @@ mod tests {
     }
 
     #[test]
-    fn what_the_shaders_read_is_first_and_last_column() {
-        let words = VisibleTiles::all(4096, 4096).rows();
-        assert!(words.iter().all(|word| *word == 255 << 16), "all");
-        let words = VisibleTiles::none(64, 64).rows();
-        assert!(words.iter().all(|word| *word == 1), "the first is behind");
-        assert_eq!(
-            VisibleTiles::all(20, 16).rows()[..2],
-            [1 << 16, 1],
-            "two tiles"
-        );
+    fn what_the_shaders_read_is_first_and_last_column_of_either_view() {
+        let rows = |left, right| VisibleTiles::rows(&[left, right]);
+        let all = || VisibleTiles::all(4096, 4096);
+        let of_all = rows(all(), all());
+        assert!(of_all.iter().all(|row| *row == [0, 255, 0, 255]), "all");
+        let none = rows(all(), VisibleTiles::none(64, 64));
+        assert!(none.iter().all(|row| *row == [0, 255, 1, 0]), "one view");
+        let two = rows(VisibleTiles::all(20, 16), VisibleTiles::all(64, 32));
+        let expected = [[0, 1, 0, 3], [1, 0, 0, 3], [1, 0, 1, 0]];
+        assert_eq!(two[..3], expected, "two sizes");
+    }
+
+    #[test]
+    fn rows_that_both_views_show_wholly_are_counted_from_the_middle() {
+        let of = |left: &VisibleTiles, right: &VisibleTiles| {
+            let views = [left.clone(), right.clone()];
+            whole_rows(&views)
+        };
+        let all = VisibleTiles::all(250, 130);
+        assert_eq!(of(&all, &all), [0, 8], "all nine");
+        let mut upper = all.clone();
+        upper.rows[1] = [0, 14];
+        let mut lower = all.clone();
+        lower.rows[7] = [1, 15];
+        assert_eq!(of(&upper, &lower), [2, 6], "between those of either");
+        lower.rows[4] = NONE;
+        assert_eq!(of(&all, &lower), [1, 0], "the middle is not");
+        let one = VisibleTiles::all(10, 10);
+        assert_eq!(of(&one, &one), [0, 0], "one row");
     }
 }
