@@ -17,10 +17,16 @@ void main() {
         uint x0 = rect & 255u, y = (rect >> 8) & 255u, x1 = (rect >> 16) & 255u, y1 = rect >> 24;
         // Tested at their ends, as in raster.glsl.
         do {
-            uint x = x0;
+            uint x = x0, end = x1;
+            if (!is_whole(y, y)) {
+                uvec2 columns = visible_columns(view, y);
+                x = max(x0, columns.x);
+                end = min(x1, columns.y);
+                if (x > end) continue;
+            }
             do {
                 table[row + y * frame.tiles_x + x] += 1u;
-            } while (x++ < x1);
+            } while (x++ < end);
         } while (y++ < y1);
     }
 }

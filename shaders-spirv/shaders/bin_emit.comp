@@ -22,13 +22,19 @@ void main() {
         if (rect == EMPTY_RECT) continue;
         uint x0 = rect & 255u, y = (rect >> 8) & 255u, x1 = (rect >> 16) & 255u, y1 = rect >> 24;
         do {
-            uint x = x0;
+            uint x = x0, end = x1;
+            if (!is_whole(y, y)) {
+                uvec2 columns = visible_columns(view, y);
+                x = max(x0, columns.x);
+                end = min(x1, columns.y);
+                if (x > end) continue;
+            }
             do {
                 uint tile = y * frame.tiles_x + x;
                 uint next = table[row + tile];
                 table[row + tile] = next + 1u;
                 pairs[tile_starts[view * tile_count() + tile] + next] = index;
-            } while (x++ < x1);
+            } while (x++ < end);
         } while (y++ < y1);
     }
 }

@@ -18,6 +18,13 @@ void main() {
     uint view = gl_GlobalInvocationID.z;
     if (at.x >= eye.width) return;
     uint index = (view * eye.height + at.y) * eye.width + at.x;
+    uvec2 columns = visible_columns(view, at.y / TILE);
+    if (at.x / TILE < columns.x || at.x / TILE > columns.y) {
+        // Nobody sees it: all transparent, and far.
+        pixels[index] = 0u;
+        if (eye.depth_stride > 0u) eye_depths[index] = 1.0;
+        return;
+    }
     uvec2 halves = picture[index];
     vec4 splatted = clamp(vec4(unpackHalf2x16(halves.x), unpackHalf2x16(halves.y)), 0.0, 1.0);
     float behind_depth;

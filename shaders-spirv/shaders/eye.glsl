@@ -20,7 +20,17 @@ layout(set = 0, binding = 0, std140) uniform EyeParams {
     uint linear;            // 1 where the compositor takes the bytes for linear light
     float near;             // depth 0 and 1 for the compositor, metres
     float far;
+    uint strip_rows;        // rows of tiles that one strip of the picture has
+    uvec4 visible_rows[256]; // as in frame.glsl
 } eye;
+
+const uint TILE = 16u;
+
+// First and last column of a row's tiles that anyone sees, as in frame.glsl.
+uvec2 visible_columns(uint view, uint row) {
+    uvec4 columns = eye.visible_rows[row];
+    return view == 0u ? columns.xy : columns.zw;
+}
 
 vec3 decoded(vec3 display) {
     return mix(display / 12.92, pow((display + 0.055) / 1.055, vec3(2.4)), greaterThan(display, vec3(0.04045)));

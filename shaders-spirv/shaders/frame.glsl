@@ -27,7 +27,19 @@ layout(set = 0, binding = 0, std140) uniform FrameParams {
     uint sorts;               // 1 where this picture is sorted, 0 where the last order is kept
     float guard_turn;         // how far an order may be kept: turn of the head in radians ...
     float guard_move;         // ... and its movement in metres
+    uint whole_first;         // rows of tiles that are seen wholly in both views, from the middle one up ...
+    uint whole_last;          // ... and down; the first is behind the last where there are none
+    uvec4 visible_rows[256];  // of each row of tiles, first and last column that anyone sees in view 0, the same in view 1
 } frame;
+
+// Whether everything in these rows of tiles is seen: most of a picture is, and the look-up below takes as long as several tiles.
+bool is_whole(uint first, uint last) { return first >= frame.whole_first && last <= frame.whole_last; }
+
+// First and last column of the tiles of a row that anyone sees; the first is behind the last where nobody sees any.
+uvec2 visible_columns(uint view, uint row) {
+    uvec4 columns = frame.visible_rows[row];
+    return view == 0u ? columns.xy : columns.zw;
+}
 
 // A Gaussian as one view sees it. With d = pixel centre - (mean_x, mean_y):
 //   alpha = exp2(log2_opacity - (ux*d.x + uy*d.y)^2 - (wy*d.y)^2)

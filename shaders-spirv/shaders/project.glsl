@@ -35,7 +35,18 @@ struct Seen {
     Splat splat;
 };
 
-Seen see(ViewParams v, vec3 position, float opacity, mat3 axes) {
+// Whether anyone sees one of these tiles, found at the first row as a rule.
+bool is_visible(uint view, uvec2 first, uvec2 last) {
+    if (is_whole(first.y, last.y)) return true;
+    for (uint row = first.y; row <= last.y; ++row) {
+        uvec2 columns = visible_columns(view, row);
+        if (first.x <= columns.y && last.x >= columns.x && columns.x <= columns.y) return true;
+    }
+    return false;
+}
+
+Seen see(uint view, vec3 position, float opacity, mat3 axes) {
+    ViewParams v = frame.views[view];
     Seen seen;
     seen.kept = false;
     seen.rect = EMPTY_RECT;
@@ -82,6 +93,8 @@ Seen see(ViewParams v, vec3 position, float opacity, mat3 axes) {
     if (any(greaterThan(first, last))) return seen;
     uvec2 first_tile = uvec2(first) / TILE;
     uvec2 last_tile = uvec2(last) / TILE;
+    // What is kept for the order does not depend on it: the order is that of a picture that is seen wholly.
+    if (!is_visible(view, first_tile, last_tile)) return seen;
     seen.rect = first_tile.x | (first_tile.y << 8) | (last_tile.x << 16) | (last_tile.y << 24);
 
     float inv_root = SQRT_HALF_LOG2_E * inversesqrt(c * det);

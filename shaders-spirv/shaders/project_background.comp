@@ -115,13 +115,13 @@ void main() {
                 uvec3 colour_steps = uvec3(g.words[4] & 0x3FFu, bitfieldExtract(g.words[4], 10, 10), bitfieldExtract(g.words[4], 20, 10));
                 vec3 base_colour = 0.5 + SH_C0 * (block.steps.y + block.steps.z * vec3(colour_steps));
                 mat3 axes = scaled_axes(rotation, exp2(log2_scale));
-                Seen left = see(frame.views[0], position, opacity, axes);
+                Seen left = see(0u, position, opacity, axes);
                 kept = left.kept;
                 rect_0 = left.rect;
                 if (rect_0 != EMPTY_RECT) splats_0[index] = left.splat;
                 Seen right;
                 if (frame.view_count > 1u) {
-                    right = see(frame.views[1], position, opacity, axes);
+                    right = see(1u, position, opacity, axes);
                     kept = kept || right.kept;
                     rect_1 = right.rect;
                     if (rect_1 != EMPTY_RECT) splats_1[index] = right.splat;

@@ -53,7 +53,7 @@ void main() {
             PlainGaussian plain = unpacked(g);
             mat3 axes_in_part = scaled_axes(plain.rotation, exp2(plain.log2_scale));
             mat3 axes = transpose(mat3(x.xyz * axes_in_part, y.xyz * axes_in_part, z.xyz * axes_in_part));
-            Seen left = see(frame.views[0], position, opacity, axes);
+            Seen left = see(0u, position, opacity, axes);
             kept = left.kept;
             rect_0 = left.rect;
             if (rect_0 != EMPTY_RECT) {
@@ -61,7 +61,7 @@ void main() {
                 splats_0[index] = left.splat;
             }
             if (frame.view_count > 1u) {
-                Seen right = see(frame.views[1], position, opacity, axes);
+                Seen right = see(1u, position, opacity, axes);
                 kept = kept || right.kept;
                 rect_1 = right.rect;
                 if (rect_1 != EMPTY_RECT) {

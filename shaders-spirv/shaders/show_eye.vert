@@ -1,7 +1,25 @@
 #version 450
-// One triangle over all of the picture.
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_multiview : require
+#include "eye.glsl"
+
+// A rectangle for each strip of the picture, from the first column of tiles that anyone sees in it to the last. The pass cleared the rest.
+
+const uvec2 CORNERS[6] = uvec2[](uvec2(0u), uvec2(1u, 0u), uvec2(0u, 1u), uvec2(0u, 1u), uvec2(1u, 0u), uvec2(1u));
 
 void main() {
-    vec2 corner = vec2((gl_VertexIndex & 1) == 0 ? -1.0 : 3.0, (gl_VertexIndex & 2) == 0 ? -1.0 : 3.0);
-    gl_Position = vec4(corner, 0.5, 1.0);
+    uvec2 size = uvec2(eye.width, eye.height);
+    uint first = uint(gl_InstanceIndex) * eye.strip_rows;
+    uint end = min(first + eye.strip_rows, (size.y + TILE - 1u) / TILE);
+    uvec2 columns = uvec2(size.x, 0u);
+    for (uint row = first; row < end; ++row) {
+        uvec2 seen = visible_columns(uint(gl_ViewIndex), row);
+        if (seen.x <= seen.y) columns = uvec2(min(columns.x, seen.x), max(columns.y, seen.y));
+    }
+    uvec2 low = uvec2(columns.x, first) * TILE;
+    // Without area where nobody sees any of it.
+    uvec2 high = max(min(uvec2(columns.y + 1u, end) * TILE, size), low);
+    uvec2 corner = CORNERS[gl_VertexIndex];
+    vec2 at = vec2(mix(low, high, equal(corner, uvec2(1u))));
+    gl_Position = vec4(2.0 * at / vec2(size) - 1.0, 0.5, 1.0);
 }

@@ -3,6 +3,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::frame::VisibleRows;
+
 /// An eye's pose, and the ray through each of its pixels; `EyeView` in `shaders/eye.glsl` (std140).
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -35,4 +37,10 @@ pub struct EyeParams {
     pub near: f32,
     /// Depth 1 for the compositor, metres.
     pub far: f32,
+    /// Rows of tiles in one strip of the picture, as it is shown by `shaders/show_eye.vert`.
+    pub strip_rows: u32,
+    /// Nothing: `std140` puts arrays at multiples of 16 bytes.
+    pub padding: [u32; 3],
+    /// What anyone sees of each row of tiles.
+    pub visible_rows: VisibleRows,
 }

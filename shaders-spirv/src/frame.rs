@@ -19,6 +19,13 @@ pub struct ViewParams {
     pub clip: [f32; 4],
 }
 
+/// The most rows of tiles of [`TILE_PIXELS`](crate::TILE_PIXELS) that a picture has: one of 4096 pixels.
+pub const MOST_TILE_ROWS: usize = 256;
+
+/// For each row of tiles from the top, the first and the last column that anyone sees in the left (or only) view, and the same in the right one;
+/// the first is behind the last where nobody sees any. The rows that a picture lacks are not read.
+pub type VisibleRows = [[u32; 4]; MOST_TILE_ROWS];
+
 /// Cameras, sizes and limits of one picture; `FrameParams` in `shaders/frame.glsl` (std140).
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -51,6 +58,14 @@ pub struct FrameParams {
     pub guard_turn: f32,
     /// How far the head may move, metres, while an order is kept.
     pub guard_move: f32,
+    /// The first of the rows of tiles that are seen wholly, in both views.
+    pub whole_first: u32,
+    /// The last of them; before the first where there are none.
+    pub whole_last: u32,
+    /// Nothing: `std140` puts arrays at multiples of 16 bytes.
+    pub padding: [u32; 2],
+    /// What anyone sees of each row of tiles.
+    pub visible_rows: VisibleRows,
 }
 
 /// Which Gaussians of the foreground a dispatch projects, and where they stand; `PartParams` in

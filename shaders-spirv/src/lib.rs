@@ -15,7 +15,9 @@ mod gaussian_lanes;
 
 pub use alpha_cut::ALPHA_CUT;
 pub use eye::{EyeParams, EyeView};
-pub use frame::{FrameParams, PartParams, SortState, Splat, ViewParams};
+pub use frame::{
+    FrameParams, MOST_TILE_ROWS, PartParams, SortState, Splat, ViewParams, VisibleRows,
+};
 pub use gaussian::{
     Gaussian, LOG2_MOST_SCALE, LOG2_SCALE_END, PackedGaussian, quantised, smallest_three,
 };

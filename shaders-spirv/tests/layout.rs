@@ -110,6 +110,9 @@ fn frame_parameters_lie_as_the_shader_reads_them() {
                 sorts: sorts,
                 guard_turn: guard_turn,
                 guard_move: guard_move,
+                whole_first: whole_first,
+                whole_last: whole_last,
+                visible_rows: visible_rows,
             }
         );
     }
@@ -150,6 +153,7 @@ fn a_headsets_eye_parameters_lie_as_the_shaders_read_them() {
         shaders_spirv::COMPOSE_EYE,
         shaders_spirv::SHOW_EYE_FRAG,
         shaders_spirv::SHOW_EYE_DEPTH_FRAG,
+        shaders_spirv::SHOW_EYE_VERT,
     ] {
         assert_layout!(
             shader,
@@ -163,6 +167,8 @@ fn a_headsets_eye_parameters_lie_as_the_shaders_read_them() {
                 linear: linear,
                 near: near,
                 far: far,
+                strip_rows: strip_rows,
+                visible_rows: visible_rows,
             }
         );
         assert_layout!(

@@ -17,6 +17,8 @@ use crate::first_run;
 use crate::launch::Launch;
 use crate::lifecycle::{Receiver, Trim};
 use crate::settings::{Settings, Task};
+use android_power::System;
+use android_power::thermal::HeatLog;
 use anyhow::Context;
 use app_pipeline::control::Control;
 use app_session::display::SessionError;
@@ -193,6 +195,8 @@ fn run(
     let Some(_turn) = HEADSET.wait(control) else {
         return Ok(());
     };
+    // Ends with the task.
+    let _heat = HeatLog::start(System::here());
     let task = TaskContext {
         open_xr: (device.open_xr)()?,
         onnx_runtime: device.onnx_runtime,

@@ -4,13 +4,14 @@
 use super::TaskContext;
 use super::call::{config, present};
 use crate::settings::Settings;
+use android_power::System;
 use anyhow::{Context, ensure};
 use app_pipeline::placement::InferenceBackends;
 use app_pipeline::pool::in_own_pool;
 use app_session::headset::{FrameCapture, FrameObserver, HeadsetDisplay};
 use app_session::participant::{Origin, Participant};
 use app_session::session::Session;
-use profile_report::machine::{EVERY, Sysfs, Watch};
+use profile_report::machine::{EVERY, Heat, Sampler, Sysfs, Watch};
 use profile_report::{AvatarFigures, Conditions, Folder, Measured, Memory, Report, SessionTerms};
 use renderer_vulkan::gpu::Gpu;
 use serde_json::Value;
@@ -69,8 +70,12 @@ fn measure(
     };
     let headset = task.find()?.context("the app was closed")?;
     let gpu = Arc::clone(headset.headset().gpu());
-    let machine = Watch::start(vec![Box::new(Sysfs::new(Path::new("/sys")))], EVERY)
-        .context("cannot watch the device's heat and clocks")?;
+    let samplers: Vec<Box<dyn Sampler>> = vec![
+        Box::new(Sysfs::new(Path::new("/sys"))),
+        Box::new(Heat::new(System::here())),
+    ];
+    let machine =
+        Watch::start(samplers, EVERY).context("cannot watch the device's heat and clocks")?;
     let mut clock = Clock {
         seconds,
         begin: None,

@@ -246,6 +246,99 @@ GET(ScreenLong, 1) GET(ScreenSize, 3) GET(Touchscreen, 1) GET(UiModeNight, 1) GE
 
 #undef GET
 
+// Heat and performance hints, of API levels 30 to 33, which the app looks up when it runs. What it does with them is counted.
+typedef struct {
+  int32_t thermal_managers, listeners, headrooms, hasty_headrooms, sessions, open_sessions, threads, strangers, reports, wrong;
+} PowerFigures;
+static PowerFigures power;
+#define COUNT(what, by) __atomic_add_fetch(&power.what, by, __ATOMIC_SEQ_CST)
+
+void rehearsal_power(PowerFigures *out) { *out = power; }
+
+static int thermal_manager, hint_manager;
+
+static int is_wrong(const void *object, const void *wanted) {
+  if (object != wanted) COUNT(wrong, 1);
+  return object != wanted;
+}
+
+void *AThermal_acquireManager(void) {
+  COUNT(thermal_managers, 1);
+  return &thermal_manager;
+}
+void AThermal_releaseManager(void *manager) {
+  if (!is_wrong(manager, &thermal_manager)) COUNT(thermal_managers, -1);
+}
+// ATHERMAL_STATUS_LIGHT.
+int AThermal_getCurrentThermalStatus(void *manager) { return is_wrong(manager, &thermal_manager) ? -1 : 1; }
+
+typedef void (*StatusCallback)(void *, int);
+int AThermal_registerThermalStatusListener(void *manager, StatusCallback callback, void *data) {
+  if (is_wrong(manager, &thermal_manager) || !callback) return EINVAL;
+  COUNT(listeners, 1);
+  // As Android does: the present status, at once.
+  callback(data, 1);
+  return 0;
+}
+int AThermal_unregisterThermalStatusListener(void *manager, StatusCallback callback, void *data) {
+  (void)callback, (void)data;
+  if (is_wrong(manager, &thermal_manager)) return EINVAL;
+  COUNT(listeners, -1);
+  return 0;
+}
+
+// Not a number to who asks more than about once a second.
+float AThermal_getThermalHeadroom(void *manager, int seconds) {
+  static int64_t last_ms;
+  if (is_wrong(manager, &thermal_manager) || seconds < 0 || seconds > 60) return __builtin_nanf("");
+  struct timespec now;
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  int64_t ms = now.tv_sec * 1000LL + now.tv_nsec / 1000000;
+  int64_t before = __atomic_exchange_n(&last_ms, ms, __ATOMIC_SEQ_CST);
+  if (before && ms - before < 900) {
+    COUNT(hasty_headrooms, 1);
+    return __builtin_nanf("");
+  }
+  COUNT(headrooms, 1);
+  return 0.625f;
+}
+
+void *APerformanceHint_getManager(void) { return &hint_manager; }
+
+typedef struct {
+  int64_t target;
+} APerformanceHintSession;
+
+APerformanceHintSession *APerformanceHint_createSession(void *manager, const int32_t *threads, size_t count, int64_t target) {
+  if (is_wrong(manager, &hint_manager) || !count || target <= 0) return NULL;
+  for (size_t i = 0; i < count; i++) {
+    char path[64];
+    snprintf(path, sizeof path, "/proc/self/task/%d", threads[i]);
+    if (access(path, F_OK)) COUNT(strangers, 1);
+  }
+  COUNT(threads, count);
+  COUNT(sessions, 1);
+  COUNT(open_sessions, 1);
+  APerformanceHintSession *session = calloc(1, sizeof *session);
+  session->target = target;
+  return session;
+}
+int APerformanceHint_updateTargetWorkDuration(APerformanceHintSession *session, int64_t target) {
+  if (target <= 0) return EINVAL;
+  session->target = target;
+  return 0;
+}
+int APerformanceHint_reportActualWorkDuration(APerformanceHintSession *session, int64_t actual) {
+  (void)session;
+  if (actual <= 0) return EINVAL;
+  COUNT(reports, 1);
+  return 0;
+}
+void APerformanceHint_closeSession(APerformanceHintSession *session) {
+  COUNT(open_sessions, -1);
+  free(session);
+}
+
 // Closing: a message to the main thread.
 static void (*on_finish)(void *);
 void rehearsal_on_finish(void (*hook)(void *)) { on_finish = hook; }

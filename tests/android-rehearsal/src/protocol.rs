@@ -138,8 +138,36 @@ pub struct Census {
     pub frames: FrameFigures,
     /// References to windows that the app holds, over all windows.
     pub window_references: i32,
+    /// Of heat and performance hints.
+    pub power: PowerFigures,
     /// Of the Java machine.
     pub java: JavaCensus,
+}
+
+/// What the app did with Android's thermal functions and performance hints so far.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[repr(C)]
+pub struct PowerFigures {
+    /// Thermal managers that it holds.
+    pub thermal_managers: i32,
+    /// Listeners for the thermal status that are registered.
+    pub listeners: i32,
+    /// Questions for the headroom, and those that came too soon after another and were not answered.
+    pub headrooms: i32,
+    /// See [`Self::headrooms`].
+    pub hasty_headrooms: i32,
+    /// Sessions of hints that were made.
+    pub sessions: i32,
+    /// Those that were not closed.
+    pub open_sessions: i32,
+    /// Threads that they are for, all together.
+    pub threads: i32,
+    /// Of those, how many were no threads of the process.
+    pub strangers: i32,
+    /// Durations that were reported.
+    pub reports: i32,
+    /// Calls with an object that is none.
+    pub wrong: i32,
 }
 
 /// Frames that were handed to OpenXR's compositor.

@@ -2,6 +2,7 @@
 //! test is `headset-frames`, a process of its own, because a runtime is found by the environment.
 
 mod hands;
+mod lenses;
 mod life;
 mod losses;
 mod missing;

@@ -548,7 +548,7 @@ function overTime() {
 
 // ---- heat and clocks ----
 
-const QUANTITIES = [["temperature", "temperatures"], ["cpu_clock", "CPU clocks"], ["gpu_clock", "GPU clock"], ["gpu_busy", "GPU busy"], ["level", "levels"]];
+const QUANTITIES = [["temperature", "temperatures"], ["cpu_clock", "CPU clocks"], ["gpu_clock", "GPU clock"], ["gpu_busy", "GPU busy"], ["headroom", "heat, of severe throttling's"], ["level", "levels"]];
 const MOST_LINES = 8;
 
 function machine() {

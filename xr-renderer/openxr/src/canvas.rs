@@ -9,9 +9,10 @@ use renderer_splat::error::RenderError;
 use renderer_splat::external_images::{BackEndSet, ExternalImages};
 use renderer_splat::quad_pass::QuadPass;
 use renderer_splat::target::Target;
+use renderer_splat::visible_tiles::VisibleTiles;
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
-use shaders_spirv::{EyeParams, EyeView};
+use shaders_spirv::{EyeParams, EyeView, TILE_PIXELS};
 
 use crate::copies::ImageLayers;
 use crate::direct::DirectTarget;
@@ -69,13 +70,25 @@ impl ExternalImages for Canvas<'_> {
             height: target.height,
         };
         self.has_depth = target.has_depth() && self.depth.is_some();
+        if let Some(mask) = &mut self.images.mask {
+            let drawn = |camera: &Camera| camera.resized(target.width, target.height);
+            mask.set_cameras(self.eyes.cameras.each_ref().map(drawn));
+        }
         let params = self.params(target);
         self.images.params.write(&[params]);
+        let strips = target
+            .height
+            .div_ceil(TILE_PIXELS)
+            .div_ceil(params.strip_rows);
         self.images.make_ready(target, drawers)?;
         self.drawn = (self.images.direct.as_mut())
-            .map(|direct| direct.prepare(self.colour, self.depth, self.size))
+            .map(|direct| direct.prepare(self.colour, self.depth, self.size, strips))
             .transpose()?;
         Ok(())
+    }
+
+    fn visible_tiles(&self) -> Option<&[VisibleTiles; 2]> {
+        self.images.mask.as_ref()?.visible_tiles()
     }
 
     fn pass(&self) -> Option<&Arc<QuadPass>> {
@@ -151,10 +164,12 @@ impl<'a> Canvas<'a> {
     fn params(&self, target: &Target) -> EyeParams {
         let format = self.images.colour.format;
         let view = |camera: &Camera| eye_view(camera, target);
+        let visible = self.visible_tiles();
+        let (width, height) = (target.width, target.height);
         EyeParams {
             views: self.eyes.cameras.each_ref().map(view),
-            width: target.width,
-            height: target.height,
+            width,
+            height,
             depth_stride: if self.has_depth {
                 target.depth_stride()
             } else {
@@ -165,7 +180,25 @@ impl<'a> Canvas<'a> {
             linear: u32::from(is_linear(format)),
             near: NEAR,
             far: FAR,
+            strip_rows: strip_rows(target, visible.is_some()),
+            padding: [0; 3],
+            visible_rows: match visible {
+                Some(views) => VisibleTiles::rows(views),
+                None => VisibleTiles::rows(&[(); 2].map(|()| VisibleTiles::all(width, height))),
+            },
         }
+    }
+}
+
+/// Rows of tiles in a strip of the picture: all, where all of it is seen. What lies on a strip's diagonal is shaded twice, of which many
+/// strips have more than they hide.
+fn strip_rows(target: &Target, masked: bool) -> u32 {
+    const MASKED_STRIPS: u32 = 28;
+    let rows = target.height.div_ceil(TILE_PIXELS);
+    if masked {
+        rows.div_ceil(MASKED_STRIPS)
+    } else {
+        rows
     }
 }
 

@@ -58,6 +58,7 @@ struct EyePass {
 pub(crate) struct DirectTarget {
     framebuffer: vk::Framebuffer,
     area: vk::Rect2D,
+    strips: u32,
     pub(crate) foveated: bool,
 }
 
@@ -81,7 +82,8 @@ impl Direct {
             .into_iter()
             .chain(passing_depth.as_ref().map(Resource::Input))
             .collect();
-        let bindings = Bindings::new(gpu, vk::ShaderStageFlags::FRAGMENT, 0, 1, &resources)?;
+        let stages = vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT;
+        let bindings = Bindings::new(gpu, stages, 0, 1, &resources)?;
         let kind = PassKind {
             colour: colour.format,
             depth: depth.map(|depth| depth.format),
@@ -113,12 +115,13 @@ impl Direct {
         self.depth.is_some()
     }
 
-    /// Prepares for a picture of `size` in the upper left of these images, which were made for this.
+    /// Prepares for a picture of `size`, shown in so many strips, in the upper left of these images, which were made for this.
     pub(crate) fn prepare(
         &mut self,
         colour: Acquired,
         depth: Option<Acquired>,
         size: vk::Extent2D,
+        strips: u32,
     ) -> Result<DirectTarget, VulkanError> {
         let foveated = self.foveated.is_some() && size == self.extent;
         let place = FramebufferKey {
@@ -139,6 +142,7 @@ impl Direct {
         Ok(DirectTarget {
             framebuffer,
             area: size.into(),
+            strips,
             foveated,
         })
     }
@@ -179,8 +183,9 @@ impl Direct {
         draw: &dyn Fn(vk::Rect2D),
     ) {
         let EyePass { pass, pipeline } = self.eye_pass(drawn.foveated);
-        // For the quads' picture and depth, all transparent.
-        let clear = [vk::ClearValue::default(); 2];
+        // For the quads' picture, their depth and the eyes' picture, all transparent; for the eyes' depth, far.
+        let mut clear = [vk::ClearValue::default(); 4];
+        clear[3].depth_stencil.depth = 1.0;
         let begin = vk::RenderPassBeginInfo::default()
             .render_pass(pass.render_pass().handle())
             .framebuffer(drawn.framebuffer)
@@ -196,9 +201,9 @@ impl Direct {
         unsafe { device.cmd_next_subpass(commands, inline) };
         pipeline.record(commands, drawn.area);
         self.bindings.record(commands, point, 0, &[]);
-        // SAFETY: as above; the vertex shader reads no buffers.
+        // SAFETY: as above; the vertex shader reads no buffers but those that are bound.
         unsafe {
-            device.cmd_draw(commands, 3, 1, 0, 0);
+            device.cmd_draw(commands, 6, drawn.strips, 0, 0);
             device.cmd_end_render_pass(commands);
         }
     }

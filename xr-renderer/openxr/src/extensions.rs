@@ -45,6 +45,7 @@ const OPTIONAL: &[Wanted] = &[
         "XR_KHR_composition_layer_depth",
         khr_composition_layer_depth
     ),
+    wanted!("XR_KHR_visibility_mask", khr_visibility_mask),
     wanted!("XR_EXT_hand_tracking", ext_hand_tracking),
     wanted!("XR_FB_body_tracking", fb_body_tracking),
     wanted!(

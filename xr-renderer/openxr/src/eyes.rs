@@ -17,6 +17,7 @@ use crate::copies::Copies;
 use crate::direct::Direct;
 use crate::error::{XrContext, XrError};
 use crate::ext::foveation::Foveation;
+use crate::ext::visibility_mask::VisibilityMask;
 use crate::swapchain::{Acquired, Swapchain, SwapchainKind, first_common};
 
 /// Depth 0 and 1 of the compositor's depth images, metres from the eye along its axis.
@@ -115,6 +116,8 @@ pub(crate) struct EyeImages {
     pub(crate) colour: Swapchain,
     pub(crate) depth: Option<Swapchain>,
     foveation: Option<Foveation>,
+    /// What the lenses hide of the pictures, where the runtime tells.
+    pub(crate) mask: Option<VisibilityMask>,
     /// Whether the runtime's images can be drawn into, and the device has the memory for it.
     can_draw: bool,
     /// Since the images were acquired last.
@@ -198,6 +201,7 @@ impl EyeImages {
             )?,
             read_back,
             foveation: foveation.filter(|_| !colour.maps.is_empty()),
+            mask: None,
             colour,
             depth,
             can_draw,

@@ -37,18 +37,18 @@ impl PassKind {
     fn described<T>(self, make: impl FnOnce(&vk::RenderPassCreateInfo<'_>) -> T) -> T {
         use vk::ImageLayout as Layout;
         let pictures = self.pictures();
+        // Cleared, for what nobody sees is not drawn: on a tile-based GPU that is no more work than leaving them as they are.
         let shown = |format, left_in| {
             vk::AttachmentDescription::default()
                 .format(format)
                 .samples(vk::SampleCountFlags::TYPE_1)
-                .load_op(vk::AttachmentLoadOp::DONT_CARE)
+                .load_op(vk::AttachmentLoadOp::CLEAR)
                 .store_op(vk::AttachmentStoreOp::STORE)
                 .initial_layout(Layout::UNDEFINED)
                 .final_layout(left_in)
         };
         let passing = |format| {
             shown(format, Layout::SHADER_READ_ONLY_OPTIMAL)
-                .load_op(vk::AttachmentLoadOp::CLEAR)
                 .store_op(vk::AttachmentStoreOp::DONT_CARE)
         };
         let map = vk::AttachmentDescription::default()

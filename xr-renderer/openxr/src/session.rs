@@ -11,6 +11,7 @@ use glam::Affine3A;
 use openxr::{
     EnvironmentBlendMode, Event, EventDataBuffer, FrameStream, FrameWaiter, Instance, Vulkan,
 };
+use renderer_splat::visible_tiles::VisibleTiles;
 use renderer_vulkan::gpu::Gpu;
 
 use crate::canvas::Canvas;
@@ -23,6 +24,7 @@ use crate::ext::passthrough::Passthrough;
 use crate::ext::performance::{self, Thermal};
 use crate::ext::refresh_rate::{DEFAULT_HZ, RefreshRate};
 use crate::ext::threads::{self, Role};
+use crate::ext::visibility_mask::VisibilityMask;
 use crate::eyes::{EyeImages, EyePicture, FAR, NEAR, RenderPath, Surround, Written};
 use crate::frame::{Eyes, Frame, XrClock};
 use crate::headset::{Headset, VIEWS};
@@ -156,7 +158,9 @@ impl Session {
             Foveation::new(&session, headset.system, gpu.features().density_maps),
         );
         let read_back = options.read_back;
-        let images = EyeImages::new(&gpu, &session, foveation, extent, with_depth, read_back)?;
+        let mask = or_without("a lens' mask", VisibilityMask::new(&session));
+        let mut images = EyeImages::new(&gpu, &session, foveation, extent, with_depth, read_back)?;
+        images.mask = mask;
         Ok(Self {
             space: FloorSpace::new(&session, enabled.ext_local_floor)?,
             clock: XrClock::new(enabled.khr_convert_timespec_time),
@@ -202,6 +206,14 @@ impl Session {
     #[must_use]
     pub fn render_path(&self) -> Option<RenderPath> {
         self.images.render_path()
+    }
+
+    /// How much of the left and the right picture the lenses show, 0 to 1, where the runtime tells: of the last picture, whose hidden part was not
+    /// drawn.
+    #[must_use]
+    pub fn lenses_show(&self) -> Option<[f64; 2]> {
+        let tiles = self.images.mask.as_ref()?.visible_tiles()?;
+        Some(tiles.each_ref().map(VisibleTiles::share))
     }
 
     /// Whether the viewer's own room is behind what is transparent.
@@ -282,6 +294,12 @@ impl Session {
                     Some(thermal) => log::info!("{thermal}"),
                     None => {}
                 },
+                Event::VisibilityMaskChangedKHR(change) => {
+                    let ours = change.view_configuration_type() == VIEWS;
+                    if let Some(mask) = self.images.mask.as_mut().filter(|_| ours) {
+                        mask.renew(change.view_index());
+                    }
+                }
                 Event::EventsLost(lost) => {
                     log::warn!(
                         "the OpenXR runtime dropped {} events",

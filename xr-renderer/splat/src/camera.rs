@@ -54,7 +54,12 @@ impl Camera {
             reason = "a picture's side, which a float holds"
         )]
         let side = |pixels: u32| ((pixels as f32 * share).round() as u32).max(1);
-        let (width, height) = (side(self.width), side(self.height));
+        self.resized(side(self.width), side(self.height))
+    }
+
+    /// The same view in a picture of so many pixels.
+    #[must_use]
+    pub fn resized(&self, width: u32, height: u32) -> Self {
         let x = width as f32 / self.width.max(1) as f32;
         let y = height as f32 / self.height.max(1) as f32;
         Self {

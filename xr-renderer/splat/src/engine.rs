@@ -17,7 +17,7 @@ use crate::camera::{Camera, head_depth_plane, is_rigid};
 use crate::cost::dearest;
 use crate::drawing::{Drawing, Foreground, Part};
 use crate::error::RenderError;
-use crate::external_images::ExternalImages;
+use crate::external_images::{ExternalImages, describe_visible};
 use crate::geometry_pass::GeometryPass;
 use crate::interrupt::Interrupt;
 use crate::limits::MOST_PARTS;
@@ -166,6 +166,7 @@ impl Engine {
         let mut sorts = needs_order;
         loop {
             let mut frame = self.frame_params(cameras, sorts);
+            describe_visible(&mut frame, images.as_deref(), &self.target);
             self.back_ends.describe(&mut frame, &self.target);
             self.geometry.write_frame(&frame);
             self.record_and_run(sorts, images.as_deref())?;

@@ -4,10 +4,12 @@ use std::sync::Arc;
 
 use ash::vk;
 use renderer_vulkan::gpu::Gpu;
+use shaders_spirv::FrameParams;
 
 use crate::error::RenderError;
 use crate::quad_pass::QuadPass;
 use crate::target::Target;
+use crate::visible_tiles::{VisibleTiles, whole_rows};
 
 /// Which back ends may draw the pictures that follow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,6 +34,12 @@ pub trait ExternalImages {
         drawers: BackEndSet,
     ) -> Result<(), RenderError>;
 
+    /// What anyone sees of each view of the picture that was prepared: nothing is drawn in the other tiles. All of it where there is
+    /// nothing, or it is of another size.
+    fn visible_tiles(&self) -> Option<&[VisibleTiles; 2]> {
+        None
+    }
+
     /// The pass whose first subpass quads are drawn in; none where the target has to be copied.
     fn pass(&self) -> Option<&Arc<QuadPass>>;
 
@@ -43,4 +51,26 @@ pub trait ExternalImages {
 
     /// Tells that the picture is finished, and whether it was drawn directly.
     fn finished(&mut self, direct: bool);
+}
+
+/// Tells the shaders what anyone sees of the target's present picture, which these images were prepared for.
+pub(crate) fn describe_visible(
+    frame: &mut FrameParams,
+    images: Option<&dyn ExternalImages>,
+    target: &Target,
+) {
+    let (width, height) = (target.width, target.height);
+    let all;
+    let views = images
+        .and_then(ExternalImages::visible_tiles)
+        .filter(|views| views.iter().all(|tiles| tiles.size() == [width, height]));
+    let views = match views {
+        Some(views) => views,
+        None => {
+            all = [(); 2].map(|()| VisibleTiles::all(width, height));
+            &all
+        }
+    };
+    frame.visible_rows = VisibleTiles::rows(views);
+    [frame.whole_first, frame.whole_last] = whole_rows(views);
 }

@@ -73,6 +73,7 @@ pub mod target;
 mod testing;
 mod tiles;
 pub mod times;
+pub mod visible_tiles;
 pub mod window;
 
 /// Gaussians as they are given to the renderer, and packed as it draws them.

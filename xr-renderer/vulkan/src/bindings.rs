@@ -28,6 +28,14 @@ impl Resource<'_> {
             Self::Input(_) => vk::DescriptorType::INPUT_ATTACHMENT,
         }
     }
+
+    /// Of those stages the ones that it can be bound for: input attachments are for fragments alone.
+    fn stages(&self, bound: vk::ShaderStageFlags) -> vk::ShaderStageFlags {
+        match self {
+            Self::Input(_) => vk::ShaderStageFlags::FRAGMENT,
+            _ => bound,
+        }
+    }
 }
 
 /// Descriptor sets of one layout with everything they were made from.
@@ -80,7 +88,7 @@ impl Bindings {
                     .binding(binding)
                     .descriptor_type(resource.kind())
                     .descriptor_count(1)
-                    .stage_flags(self.stages)
+                    .stage_flags(resource.stages(self.stages))
             })
             .collect();
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);

@@ -28,6 +28,8 @@ pub struct HeadsetFigures {
     pub foveation_follows_gaze: bool,
     /// How pictures come into the headset's images, and whether they are foveated; nothing before the first.
     pub way: Option<String>,
+    /// How much of the left and the right picture the lenses show, 0 to 1, where the runtime tells: the rest is not drawn.
+    pub lenses_show: Option<[f64; 2]>,
     /// Whether the compositor gets depth.
     pub depth: bool,
     /// The display's rate where it can be chosen, Hz.

@@ -13,6 +13,9 @@ use super::wearer::WearerSlot;
 use crate::display::{LiveSession, SessionError};
 use crate::overlay::OverlayWatch;
 use crate::presence::Viewer;
+use android_power::System;
+use android_power::hints::PictureHints;
+use android_power::threads;
 use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::Drawn;
 use app_pipeline::profile::Percentiles;
@@ -24,6 +27,7 @@ use renderer_openxr::runtime::Runtime;
 use renderer_openxr::session::{Session, SessionEnd, SessionOptions};
 use renderer_splat::options::RendererOptions;
 use renderer_splat::renderer::SplatRenderer;
+use renderer_splat::times::PictureTime;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -31,6 +35,8 @@ use std::time::{Duration, Instant};
 pub(super) const IDLE: Duration = Duration::from_millis(10);
 /// How long a runtime may take to end the session when it is asked to.
 const FAREWELL: Duration = Duration::from_secs(3);
+/// The beginnings of the names of threads that pictures wait for: this loop's, and the lanes'.
+const THREADS: [&str; 3] = ["headset frames", "cpu lane", "npu lane"];
 /// As many samples as percentiles are made of: ten minutes at 90 Hz.
 const MOST_SAMPLES: usize = 54_000;
 
@@ -44,6 +50,7 @@ pub(super) struct Frames<'a> {
     panel: RoomPanel,
     figures: HeadsetFigures,
     pace: Pace,
+    hints: PictureHints,
     /// Milliseconds.
     intervals: Vec<f64>,
     periods: Vec<f64>,
@@ -69,6 +76,7 @@ impl<'a> Frames<'a> {
             panel: RoomPanel::new(overlay, privacy),
             figures: HeadsetFigures::default(),
             pace: Pace::new(None),
+            hints: PictureHints::new(System::here()),
             intervals: Vec::new(),
             periods: Vec::new(),
             predicted: None,
@@ -128,6 +136,7 @@ impl<'a> Frames<'a> {
         if let Some(way) = session.render_path() {
             self.figures.way = Some(way.to_string());
         }
+        self.figures.lenses_show = session.lenses_show().or(self.figures.lenses_show);
         let passed = session.lifecycle().passed();
         (self.figures.states).extend(passed.iter().map(ToString::to_string));
         self.figures.frames.late += self.pace.late();
@@ -233,6 +242,7 @@ impl<'a> Frames<'a> {
         self.people.observe();
         for newcomer in self.people.admit()? {
             self.places.forget(&self.people, newcomer);
+            self.hints.threads_changed();
         }
         let frame = session.wait()?;
         let begun = Instant::now();
@@ -280,6 +290,10 @@ impl<'a> Frames<'a> {
         let next = self.pace.next(&frame, begun, done);
         self.people.lanes.displayed_before(seen, next);
         session.frame_completed(&frame, in_time, done.saturating_duration_since(begun));
+        let drawn = self.people.lanes.renderer().picture_time();
+        let worked = worked(begun, done, drawn);
+        let period = self.pace.period(&frame);
+        (self.hints).picture(period, worked, || threads::named(&THREADS));
         if let Some(pictures) = pictures {
             self.observer.captured(FrameCapture {
                 number: shown,
@@ -334,6 +348,15 @@ impl<'a> Frames<'a> {
     }
 }
 
+/// How long the processor had to do with a frame: from its beginning to its end, but for the time in which the device drew it, which no
+/// faster processor would shorten.
+fn worked(begun: Instant, done: Instant, drawn: Option<PictureTime>) -> Duration {
+    let drawn = drawn.filter(|drawn| drawn.submitted >= begun);
+    let waited = drawn.map(|drawn| drawn.finished.saturating_duration_since(drawn.submitted));
+    let all = done.saturating_duration_since(begun);
+    all.saturating_sub(waited.unwrap_or_default())
+}
+
 /// What is behind the people.
 fn surround(session: &Session, renderer: &RendererOptions) -> Surround {
     if renderer.background.is_some() {
@@ -342,5 +365,32 @@ fn surround(session: &Session, renderer: &RendererOptions) -> Surround {
         Surround::Room
     } else {
         Surround::Studio
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_in_which_the_device_draws_a_frame_is_no_work_of_the_processors() {
+        let begun = Instant::now();
+        let at = |ms| begun + Duration::from_millis(ms);
+        let drawn = |submitted, finished| {
+            Some(PictureTime {
+                submitted,
+                finished,
+                stages: None,
+            })
+        };
+        let ms = Duration::from_millis;
+        assert_eq!(
+            worked(begun, at(9), drawn(at(2), at(7))),
+            ms(4),
+            "beside it"
+        );
+        assert_eq!(worked(begun, at(9), None), ms(9), "nothing was drawn");
+        let begun = at(5);
+        assert_eq!(worked(begun, at(9), drawn(at(2), at(4))), ms(4), "another");
     }
 }

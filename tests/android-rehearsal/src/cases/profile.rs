@@ -2,7 +2,7 @@
 
 use super::{Figures, assert_well, figure};
 use crate::environment::Environment;
-use android_rehearsal::protocol::Intent;
+use android_rehearsal::protocol::{Intent, PowerFigures};
 use anyhow::{Context, ensure};
 use serde_json::Value;
 use std::fs;
@@ -25,7 +25,13 @@ pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<F
         "asked to finish (by Java, natively): {finishes:?}"
     );
     assert_well(&mut process)?;
+    ensure!(
+        process.logged("the device is slightly throttled, by heat") == 1,
+        "the log does not tell the thermal status once"
+    );
     process.leave(activity)?;
+    let power = process.census()?.power;
+    platform_was_told(&power)?;
     process.quit()?;
     let folder = scene.external().join("profile");
     for file in [
@@ -50,10 +56,39 @@ pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<F
         runtime.starts_with(|first: char| first.is_ascii_digit()),
         "ONNX Runtime's version is {runtime:?}"
     );
+    let series = profile["machine"]["series"].as_array();
+    let heat = series
+        .into_iter()
+        .flatten()
+        .find(|one| one["quantity"] == "headroom");
+    ensure!(
+        heat.is_some_and(|heat| heat["most"] == 62.5),
+        "the profile's thermal headroom is {heat:?}"
+    );
     let events = trace["traceEvents"].as_array().map_or(0, Vec::len);
     ensure!(events > 100, "the trace has only {events} events");
     let mut figures = Figures::new();
     figure(&mut figures, "onnx_runtime", runtime);
     figure(&mut figures, "trace_events", events);
+    figure(&mut figures, "hints", power.reports);
     Ok(figures)
+}
+
+/// Headroom and hints were asked for as Android wants it, and all is given back.
+fn platform_was_told(power: &PowerFigures) -> anyhow::Result<()> {
+    ensure!(
+        power.headrooms >= 3,
+        "headroom is seldom asked for: {power:?}"
+    );
+    ensure!(power.hasty_headrooms == 0, "and too often: {power:?}");
+    ensure!(
+        power.sessions >= 1 && power.reports >= 5,
+        "few hints: {power:?}"
+    );
+    // The loop's thread and each lane's.
+    ensure!(power.threads >= 3, "for few threads: {power:?}");
+    ensure!(power.strangers == 0 && power.wrong == 0, "wrong: {power:?}");
+    let left = [power.open_sessions, power.listeners, power.thermal_managers];
+    ensure!(left == [0; 3], "not given back: {power:?}");
+    Ok(())
 }

@@ -230,6 +230,7 @@ impl Program {
                 "wearer": wearer,
                 "overlay_toggles": self.overlay_toggles,
                 "back_end": renderer.back_end().to_string(),
+                "lenses_show": session.lenses_show(),
                 "way": session.render_path().map(|way| way.to_string()),
             }));
         }

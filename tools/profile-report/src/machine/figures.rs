@@ -15,6 +15,8 @@ pub enum Quantity {
     GpuClock,
     /// Share of the time the GPU is busy, percent.
     GpuBusy,
+    /// Heat as a share of what makes the system throttle the device severely, percent.
+    Headroom,
     /// A level on its driver's own scale: of throttling, of power, of a thermal warning.
     Level,
 }
@@ -26,7 +28,7 @@ impl Quantity {
         match self {
             Self::Temperature => "°C",
             Self::CpuClock | Self::GpuClock => "MHz",
-            Self::GpuBusy => "%",
+            Self::GpuBusy | Self::Headroom => "%",
             Self::Level => "",
         }
     }
@@ -125,6 +127,7 @@ impl MachineFigures {
             (Quantity::CpuClock, "CPU clocks"),
             (Quantity::GpuClock, "GPU clock"),
             (Quantity::GpuBusy, "GPU busy"),
+            (Quantity::Headroom, "heat"),
             (Quantity::Level, "levels"),
         ] {
             let its = || {
@@ -137,6 +140,10 @@ impl MachineFigures {
             };
             let unit = quantity.unit();
             said.push(match quantity {
+                Quantity::Headroom => format!(
+                    "{what} {:.0} to {:.0} {unit} of severe throttling's",
+                    top.least, top.most
+                ),
                 Quantity::Temperature => format!(
                     "{what} {}, {:.0} to {:.0} {unit}",
                     top.channel.name, top.least, top.most

@@ -1,13 +1,15 @@
 //! The machine's state while something is measured: temperatures, clocks, levels, at regular times.
 //!
-//! A [`Sampler`] is a place to read them from ([`Sysfs`] on Linux and Android; a headset's runtime may be another). A [`Watch`] reads
+//! A [`Sampler`] is a place to read them from ([`Sysfs`] on Linux and Android, [`Heat`] on Android). A [`Watch`] reads
 //! samplers from a thread of its own and leaves [`MachineFigures`]. What cannot be read is listed with the reason.
 
 mod figures;
+mod heat;
 mod sysfs;
 mod watch;
 
 pub use figures::{Absent, Channel, MachineFigures, Quantity, Series};
+pub use heat::Heat;
 pub use sysfs::Sysfs;
 pub use watch::{EVERY, Watch};
 

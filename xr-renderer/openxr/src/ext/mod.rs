@@ -18,6 +18,7 @@ mod pinch;
 mod rate_choice;
 pub mod refresh_rate;
 pub mod threads;
+pub(crate) mod visibility_mask;
 
 use std::fmt;
 
@@ -115,6 +116,7 @@ mod tests {
     use super::foveation::Foveation;
     use super::passthrough::Passthrough;
     use super::refresh_rate::RefreshRate;
+    use super::visibility_mask::VisibilityMask;
     use super::*;
     use crate::fake::{FakeRuntime, REQUIRED};
     use crate::input::Input;
@@ -131,6 +133,7 @@ mod tests {
         let rate = RefreshRate::new(&session, 72.0);
         let depth = DepthRange::new(&instance, 0.05, 50.0);
         let levels = performance::sustain(&session);
+        let mask = VisibilityMask::new(&session);
         let found = [
             ("XR_KHR_composition_layer_depth", depth.is_ok()),
             ("XR_EXT_hand_tracking", input.tracks_hands()),
@@ -139,12 +142,13 @@ mod tests {
             ("XR_FB_foveation", foveation.is_some()),
             ("XR_META_foveation_eye_tracked", around_gaze),
             ("XR_EXT_performance_settings", levels.is_ok()),
+            ("XR_KHR_visibility_mask", mask.is_ok()),
         ];
         let there = found.iter().filter(|(_, there)| *there);
         there.map(|(name, _)| *name).collect()
     }
 
-    const ALL: [&str; 7] = [
+    const ALL: [&str; 8] = [
         "XR_KHR_composition_layer_depth",
         "XR_EXT_hand_tracking",
         "XR_FB_passthrough",
@@ -152,10 +156,11 @@ mod tests {
         "XR_FB_foveation",
         "XR_META_foveation_eye_tracked",
         "XR_EXT_performance_settings",
+        "XR_KHR_visibility_mask",
     ];
 
     /// Extensions, and which others need each.
-    const TAKES_AWAY: [(&str, &[&str]); 12] = [
+    const TAKES_AWAY: [(&str, &[&str]); 13] = [
         ("XR_KHR_convert_timespec_time", &[]),
         ("XR_EXT_local_floor", &[]),
         ("XR_KHR_composition_layer_depth", &[ALL[0]]),
@@ -168,6 +173,7 @@ mod tests {
         ("XR_FB_foveation_vulkan", &[ALL[4], ALL[5]]),
         ("XR_META_foveation_eye_tracked", &[ALL[5]]),
         ("XR_EXT_performance_settings", &[ALL[6]]),
+        ("XR_KHR_visibility_mask", &[ALL[7]]),
     ];
 
     #[test]
@@ -229,7 +235,7 @@ mod tests {
             world.system = Default::default();
             world.rates_hz.clear();
         });
-        let expected = [ALL[0], ALL[4], ALL[6]];
+        let expected = [ALL[0], ALL[4], ALL[6], ALL[7]];
         assert_eq!(had(&fake), expected, "what needs no parts");
         let instance = fake.instance();
         let (session, _, _) = fake.session(&instance);

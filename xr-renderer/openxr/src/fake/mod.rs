@@ -32,6 +32,7 @@
 
 mod actions;
 mod device;
+mod lenses;
 mod pointers;
 mod runtime;
 mod session;
@@ -56,6 +57,7 @@ use openxr::{
 };
 
 pub(crate) use crate::pose::posef;
+pub(crate) use lenses::Lens;
 pub(crate) use world::{EndedFrame, Source, World};
 
 /// What [`crate::extensions::Extensions`] insists on.
@@ -257,6 +259,21 @@ impl FakeRuntime {
             next: std::ptr::null(),
             from_display_refresh_rate: from,
             to_display_refresh_rate: to_hz,
+        });
+    }
+
+    /// Changes what a view's lens hides, and queues the event of it.
+    pub(crate) fn queue_lens(&self, view: u32, lens: Lens) {
+        let session = self.set(|world| {
+            world.lenses[view as usize] = lens;
+            world.session
+        });
+        self.queue(sys::EventDataVisibilityMaskChangedKHR {
+            ty: sys::EventDataVisibilityMaskChangedKHR::TYPE,
+            next: std::ptr::null(),
+            session: sys::Session::from_raw(session),
+            view_configuration_type: openxr::ViewConfigurationType::PRIMARY_STEREO,
+            view_index: view,
         });
     }
 

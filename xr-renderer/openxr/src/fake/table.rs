@@ -5,7 +5,7 @@ use std::ffi::c_char;
 use openxr::sys::{self, Handle, Result as XrResult, pfn};
 
 use super::pointers::{give, text};
-use super::{RUNTIMES, actions, locked, runtime, session, swapchain, trackers, vendor};
+use super::{RUNTIMES, actions, lenses, locked, runtime, session, swapchain, trackers, vendor};
 
 /// Every extension that this runtime can do.
 pub(super) const EXTENSIONS: &[&str] = &[
@@ -13,6 +13,7 @@ pub(super) const EXTENSIONS: &[&str] = &[
     TIMESPEC,
     "XR_EXT_local_floor",
     "XR_KHR_composition_layer_depth",
+    MASK,
     HANDS,
     BODY,
     "XR_META_body_tracking_full_body",
@@ -32,6 +33,7 @@ pub(super) const EXTENSIONS: &[&str] = &[
 
 const CORE_VULKAN: &str = super::REQUIRED;
 const TIMESPEC: &str = "XR_KHR_convert_timespec_time";
+const MASK: &str = "XR_KHR_visibility_mask";
 const HANDS: &str = "XR_EXT_hand_tracking";
 const BODY: &str = "XR_FB_body_tracking";
 const FIDELITY: &str = "XR_META_body_tracking_fidelity";
@@ -235,6 +237,10 @@ fn optional(name: &str) -> Option<(&'static str, Option<pfn::VoidFunction>)> {
         ),
         "xrConvertTimespecTimeToTimeKHR" => (TIMESPEC, function!(ToTime, it::timespec_to_time)),
         "xrConvertTimeToTimespecTimeKHR" => (TIMESPEC, function!(FromTime, it::time_to_timespec)),
+        "xrGetVisibilityMaskKHR" => (
+            MASK,
+            function!(pfn::GetVisibilityMaskKHR, lenses::get_visibility_mask),
+        ),
         "xrCreateHandTrackerEXT" => (
             HANDS,
             function!(pfn::CreateHandTrackerEXT, actions::create_hand_tracker),

@@ -11,6 +11,7 @@ use openxr::{
 };
 
 use super::device::{Images, Loader, SessionDevice};
+use super::lenses::Lens;
 use super::pointers;
 use super::watched::Watched;
 use crate::pose::rigid;
@@ -91,6 +92,8 @@ pub(crate) struct World {
     pub(crate) eye_size: [u32; 2],
     /// Left, right: pose in the room, field of view.
     pub(crate) eyes: [(Posef, Fovf); 2],
+    /// What each one's lens hides; without corners nothing.
+    pub(crate) lenses: [Lens; 2],
     pub(crate) head: Posef,
     /// LOCAL's origin in the room, whose own is LOCAL_FLOOR's and STAGE's.
     pub(crate) local: Posef,
@@ -175,6 +178,7 @@ impl World {
             refused_usage: SwapchainUsageFlags::EMPTY,
             eye_size: [1680, 1760],
             eyes: [(eye(-0.032), fov(-0.9, 0.7)), (eye(0.032), fov(-0.7, 0.9))],
+            lenses: [Lens::default(), Lens::default()],
             head: eye(0.0),
             local: eye(0.0),
             should_render: true,

@@ -3,6 +3,7 @@
 use openxr::SessionState as XrSessionState;
 use openxr::{ReferenceSpaceType, Time, sys};
 
+mod lenses;
 mod pictures;
 
 use renderer_splat::error::RenderError;

@@ -17,36 +17,40 @@ use crate::copies::ImageLayers;
 use crate::eyes::{EyePicture, FAR, NEAR, RenderPath, Surround};
 use crate::fake::World;
 
-const SIZE: [u32; 2] = [320, 240];
+pub(super) const SIZE: [u32; 2] = [320, 240];
 
 /// A frame that was shown.
-struct Seen {
-    way: RenderPath,
-    eyes: [EyePicture; 2],
+pub(super) struct Seen {
+    pub(super) way: RenderPath,
+    pub(super) eyes: [EyePicture; 2],
     /// As it was submitted to the compositor.
     layers: String,
     /// Both eyes' depth images, all of them, where the compositor got depth.
-    depths: Option<Vec<f32>>,
+    pub(super) depths: Option<Vec<f32>>,
 }
 
 /// How a frame is made.
 #[derive(Clone, Copy)]
-struct Made {
-    back_end: BackEnd,
-    surround: Surround,
+pub(super) struct Made {
+    pub(super) back_end: BackEnd,
+    pub(super) surround: Surround,
     /// Of full resolution.
-    share: f32,
+    pub(super) share: f32,
 }
 
 /// Quads before the viewer's room, at full resolution.
-const QUADS: Made = Made {
+pub(super) const QUADS: Made = Made {
     back_end: BackEnd::Quads,
     surround: Surround::Room,
     share: 1.0,
 };
 
 /// Shows Gaussians in three frames on a runtime that was changed, and returns the last; nothing without Vulkan.
-fn show(change: impl FnOnce(&mut World), made: Made, gaussians: &[PackedGaussian]) -> Option<Seen> {
+pub(super) fn show(
+    change: impl FnOnce(&mut World),
+    made: Made,
+    gaussians: &[PackedGaussian],
+) -> Option<Seen> {
     let fake = everything();
     fake.set(change);
     let headset = open_sized(&fake, SIZE)?;
@@ -129,7 +133,7 @@ fn ball(position: Vec3, size: f32, opacity: f32) -> Gaussian {
 }
 
 /// A cloud before the eyes, 1.6 m above the floor, of all colours, through much of which one sees.
-fn cloud() -> Vec<PackedGaussian> {
+pub(super) fn cloud() -> Vec<PackedGaussian> {
     let mut state = 1u32;
     let mut random = move || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -166,11 +170,11 @@ fn compared(one: &[EyePicture; 2], other: &[EyePicture; 2]) -> (f64, u8) {
 }
 
 /// Makes a runtime's images such that they can only be copied to.
-fn only_copied(world: &mut World) {
+pub(super) fn only_copied(world: &mut World) {
     world.refused_usage = Usage::COLOR_ATTACHMENT | Usage::DEPTH_STENCIL_ATTACHMENT;
 }
 
-const DIRECT: RenderPath = RenderPath::Direct { foveated: false };
+pub(super) const DIRECT: RenderPath = RenderPath::Direct { foveated: false };
 
 #[test]
 fn quads_drawn_directly_into_the_images_equal_those_that_are_composed_and_copied() {

@@ -116,6 +116,7 @@ impl Host {
                 let census = Census {
                     frames: self.shims.frames(),
                     window_references: self.shims.window_references(),
+                    power: self.shims.power(),
                     java: self.machine.census(),
                     ..census::take()?
                 };

@@ -1,6 +1,6 @@
 //! The host's calls into the shims of `libandroid.so` and `libopenxr_loader.so`, beside the app's own (`shims/`).
 
-use android_rehearsal::protocol::{FrameFigures, InputFigures};
+use android_rehearsal::protocol::{FrameFigures, InputFigures, PowerFigures};
 use anyhow::Context;
 use libloading::os::unix::{Library, RTLD_LOCAL, RTLD_NOW};
 use std::ffi::{c_int, c_void};
@@ -16,6 +16,7 @@ pub(crate) struct Shims {
     put_input: unsafe extern "C" fn(*mut c_void, c_int),
     input_figures: unsafe extern "C" fn(*mut c_void, *mut InputFigures),
     frames: unsafe extern "C" fn(*mut FrameFigures),
+    power: unsafe extern "C" fn(*mut PowerFigures),
 }
 
 impl Shims {
@@ -39,6 +40,7 @@ impl Shims {
             put_input: function!(android, "rehearsal_put_input"),
             input_figures: function!(android, "rehearsal_input_figures"),
             frames: function!(open_xr, "rehearsal_frames"),
+            power: function!(android, "rehearsal_power"),
         };
         // SAFETY: the function lives as long as the process.
         unsafe { set_on_finish(on_finish) };
@@ -51,6 +53,14 @@ impl Shims {
         let mut figures = FrameFigures::default();
         // SAFETY: the figures are laid out as there.
         unsafe { (self.frames)(&raw mut figures) };
+        figures
+    }
+
+    /// What was done with heat and performance hints so far.
+    pub(crate) fn power(&self) -> PowerFigures {
+        let mut figures = PowerFigures::default();
+        // SAFETY: the figures are laid out as there.
+        unsafe { (self.power)(&raw mut figures) };
         figures
     }
 

@@ -414,6 +414,13 @@ fn print_headset(headset: &HeadsetFigures) {
     if let Some(way) = &headset.way {
         println!("           pictures are {way}");
     }
+    if let Some([left, right]) = headset.lenses_show {
+        println!(
+            "           the lenses show {:.0} % of the left picture and {:.0} % of the right one; the rest is not drawn",
+            100.0 * left,
+            100.0 * right
+        );
+    }
     println!("states     {}", headset.states.join(" "));
     println!("granted    {}", headset.granted.join(" "));
     println!("missing    {}", headset.missing.join(" "));
