@@ -3,6 +3,7 @@
 //! A person is drawn many times over: blending stops as soon as what lies behind no longer shows, which
 //! is where this wins over drawing quads.
 
+use std::num::NonZero;
 use std::sync::Arc;
 
 use ash::vk;
@@ -24,8 +25,18 @@ use crate::target::Target;
 const LANE_GROUP: u32 = 32;
 /// Invocations per workgroup of the pass over tiles.
 const TILE_GROUP: u32 = 64;
-/// On a software driver, which has a few cores to feed.
-const CPU_LANES: u32 = 128;
+/// On a software driver, which has a few cores to feed: each with two groups of its vectors, for a row of the table costs more than it.
+const CPU_LANE_GROUP: u32 = 8;
+const CPU_LANES: std::ops::RangeInclusive<u32> = 32..=128;
+
+/// Invocations per workgroup of the passes by lane.
+fn lane_group(gpu: &Gpu) -> u32 {
+    if gpu.info().is_cpu {
+        CPU_LANE_GROUP
+    } else {
+        LANE_GROUP
+    }
+}
 
 /// A picture's tiles.
 #[derive(Debug, Clone, Copy)]
@@ -52,13 +63,17 @@ impl Layout {
     /// Invocations that share the sorted splats among them.
     fn lanes(self, gpu: &Gpu) -> u32 {
         let mut lanes = if gpu.info().is_cpu {
-            CPU_LANES
+            let cores = std::thread::available_parallelism().map_or(2, NonZero::get);
+            let lanes = u32::try_from(2 * cores)
+                .unwrap_or(u32::MAX)
+                .saturating_mul(CPU_LANE_GROUP);
+            lanes.clamp(*CPU_LANES.start(), *CPU_LANES.end())
         } else {
             MOST_LISTING_LANES
         };
         let limit = MOST_LISTING_BYTES.min(u64::from(gpu.limits().max_storage_buffer_range));
         let row = u64::from(self.lists()) * 4;
-        while lanes > LANE_GROUP && row * u64::from(lanes) > limit {
+        while lanes > lane_group(gpu) && row * u64::from(lanes) > limit {
             lanes /= 2;
         }
         lanes
@@ -140,10 +155,14 @@ impl Tiles {
         Ok(Self {
             gpu: Arc::clone(gpu),
             lanes,
-            count: make(shaders_spirv::BIN_COUNT.words, LANE_GROUP, &resources[..5])?,
+            count: make(
+                shaders_spirv::BIN_COUNT.words,
+                lane_group(gpu),
+                &resources[..5],
+            )?,
             sum_lanes: make(shaders_spirv::BIN_LANES.words, TILE_GROUP, &resources[..6])?,
             scan: Scan::new(gpu, &tile_starts, layout.lists() + 1)?,
-            emit: make(shaders_spirv::BIN_EMIT.words, LANE_GROUP, &resources)?,
+            emit: make(shaders_spirv::BIN_EMIT.words, lane_group(gpu), &resources)?,
             raster,
             table,
             tile_starts,
@@ -219,7 +238,7 @@ impl Tiles {
             unsafe { device.cmd_fill_buffer(commands, buffer.handle(), 0, bytes, 0) };
         }
         barrier(&self.gpu, commands);
-        let by_lane = [self.lanes.div_ceil(LANE_GROUP), layout.views, 1];
+        let by_lane = [self.lanes.div_ceil(lane_group(&self.gpu)), layout.views, 1];
         self.count.dispatch(commands, &[], by_lane);
         barrier(&self.gpu, commands);
         let by_tile = [layout.tiles().div_ceil(TILE_GROUP), layout.views, 1];
