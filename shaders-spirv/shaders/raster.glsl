@@ -147,11 +147,17 @@ void blend_block(uint b, Splat one, vec4 rgbz, Splat two, vec4 rgbz_two) {
     }
 }
 
+void close_if_opaque(uint b) {
+    float most = 0.0;
+    for (uint i = 0u; i < PIXELS; ++i) most = max(most, transmittance[b * PIXELS + i]);
+    if (subgroupAll(most < TRANSMITTANCE_CUT)) open &= ~(1u << b);
+}
+
 // Blends those of the lanes' splats that touch a block.
 void draw_block(uint b, uvec2 block, bool is_listed, Splat own, vec4 own_colour) {
     vec2 low = vec2(block) + 0.5;
     vec2 high = min(vec2(block + uvec2(BLOCK_WIDTH, BLOCK_HEIGHT)), vec2(frame.width, frame.height)) - 0.5;
-    bool is_open = (open & (1u << b)) != 0u;
+    bool is_open = OWN_BLOCKS == 1u || (open & (1u << b)) != 0u;
     bool touches = is_listed && is_open && block_peak(own, low, high) > LOG2_ALPHA_CUT - TEST_SLACK;
     uvec4 touching = subgroupBallot(touches);
     for (uint word = 0u; word < BALLOT_WORDS; ++word) {
@@ -173,11 +179,11 @@ void draw_block(uint b, uvec2 block, bool is_listed, Splat own, vec4 own_colour)
                 }
                 blend_block(b, one, rgbz, two, rgbz_two);
             } while (left != 0u);
-            float most = 0.0;
-            for (uint i = 0u; i < PIXELS; ++i) most = max(most, transmittance[b * PIXELS + i]);
-            if (subgroupAll(most < TRANSMITTANCE_CUT)) open &= ~(1u << b);
+            // Here, where it is left out together with the rest.
+            if (BALLOT_WORDS == 1u) close_if_opaque(b);
         }
     }
+    if (BALLOT_WORDS > 1u) close_if_opaque(b);
 }
 
 void main() {

@@ -27,7 +27,7 @@ const RELOADS: &str = "LDP Count";
 const WAVES: &str = "Max Waves Per Core";
 
 /// Instructions that the driver counts and does not print, or prints and does not count.
-const FEW: u64 = 4;
+const FEW: u64 = 6;
 
 /// One line: a stage of a shader at one subgroup size.
 pub(crate) struct Row {

@@ -194,8 +194,15 @@ pub fn drawing(
 
 fn project(work: &Work, costs: &ShaderCosts, chip: &Chip) -> Result<StageEstimate, TableError> {
     let (gaussians, views) = (work.gaussians as f64, work.views.len() as f64);
-    // Its loops hand what waves found to one counter, twice or three times.
-    let loops = [("", 1.0), ("1", 1.0), ("2", 1.0), ("3", 1.0)];
+    // Two loops look rows up that lenses hide in part; three hand what waves found to one counter.
+    let loops = [
+        ("", 1.0),
+        ("1", 0.0),
+        ("2", 0.0),
+        ("3", 1.0),
+        ("4", 1.0),
+        ("5", 1.0),
+    ];
     let one = costs.issued("project_foreground compute 64", &loops)?;
     // The table's program is for two views.
     let share = (1.0 + views) / 3.0;
