@@ -1,4 +1,6 @@
 #version 450
+#extension GL_GOOGLE_include_directive : require
+#include "numbers.glsl"
 
 // A mesh before skinning, from a code: its rest shape and a weighted sum of fields over its vertices' coordinates, each stored as a
 // byte times its coordinate's scale. One invocation for four coordinates.
@@ -18,11 +20,6 @@ layout(set = 0, binding = 1, std430) readonly buffer Scales { uvec2 scales[]; };
 layout(set = 0, binding = 2, std430) readonly buffer Rest { vec4 rest[]; };       // [fours], metres
 layout(set = 0, binding = 3, std430) readonly buffer Code { float code[]; };      // [fields]
 layout(set = 0, binding = 4, std430) writeonly buffer Vertices { vec4 vertices[]; };
-
-// Four signed bytes.
-vec4 signed_bytes(uint word) {
-    return vec4(int(word) << 24 >> 24, int(word) << 16 >> 24, int(word) << 8 >> 24, int(word) >> 24);
-}
 
 void main() {
     uint at = gl_GlobalInvocationID.x;

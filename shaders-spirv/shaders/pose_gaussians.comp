@@ -43,11 +43,6 @@ void pull(uint controller, float mass) {
     for (uint q = 0u; q < 4u * BLOCKS; ++q) force[q] += mass * potentials[at + q];
 }
 
-// Four signed bytes.
-vec4 signed_bytes(uint word) {
-    return vec4(int(word) << 24 >> 24, int(word) << 16 >> 24, int(word) << 8 >> 24, int(word) >> 24);
-}
-
 float weighed(uint plane) {
     float sum = 0.0;
     for (uint block = 0u; block < BLOCKS; ++block) {

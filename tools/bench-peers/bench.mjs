@@ -112,7 +112,7 @@ async function person(count) {
 		const package_ = path.join(cache, `person-${count}.m3a`);
 		await ours('./run', ['bake', '--gaussians', count, '--out', package_]);
 		// Two seconds into the built-in motion: one arm up, so that depths differ.
-		await example('app', 'posed_ply', [package_, '2.0', `${ply}.part.ply`]);
+		await example('app-pipeline', 'posed_ply', [package_, '2.0', `${ply}.part.ply`]);
 		await run('mv', [`${ply}.part.ply`, ply]);
 	}
 	return ply;

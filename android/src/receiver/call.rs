@@ -276,12 +276,13 @@ pub(super) fn log_pictures(session: &SessionReport, headset: &HeadsetFigures) {
             )
         });
         log::info!(
-            "pictures of a person: {} in {:.1} s, {:.1} of {:.0} a second, {} late{latency}",
+            "pictures of a person: {} in {:.1} s, {:.1} of {:.0} a second, {} late{latency}; at the end {}",
             of.pictures.shown,
             of.seconds,
             of.pictures.per_second,
             of.display_hz,
-            of.pictures.late
+            of.pictures.late,
+            session.quality.quality
         );
     }
 }

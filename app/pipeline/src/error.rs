@@ -1,5 +1,6 @@
 //! What can stop the receiver.
 
+use crate::plan::Plan;
 use app_kernels::KernelError;
 use npu_runtime::RuntimeError;
 use renderer_splat::error::RenderError;
@@ -32,6 +33,11 @@ pub enum ReceiverError {
         "only the first person can be posed on the device: choose a plan with the CPU's or the NPU's work for those who join"
     )]
     PosedTwice,
+    /// People come and go, and a plan was asked for that poses one.
+    #[error(
+        "plan {0} is not to be had where people come and go: the device poses one person only; ask for auto, npu, cpu-tail or cpu"
+    )]
+    PosesOne(Plan),
     /// Nothing can run the deform graph.
     #[error("no provider is left to run the deform graph")]
     NoProvider,

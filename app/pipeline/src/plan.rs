@@ -1,5 +1,6 @@
 //! Where stages run: what can be asked for, by name.
 
+use crate::error::ReceiverError;
 use crate::stage::{Stage, Unit};
 use npu_runtime::ProviderKind;
 use serde::Serialize;
@@ -105,6 +106,21 @@ pub struct PlacementRequest {
     pub for_several: bool,
 }
 
+impl PlacementRequest {
+    /// Refuses what cannot be had anywhere, before anything is tried.
+    ///
+    /// # Errors
+    /// [`ReceiverError::PosesOne`] for a plan that poses on the device, where people come and go.
+    pub fn check(&self) -> Result<(), ReceiverError> {
+        match self.plan {
+            Some(plan) if self.for_several && plan.poses_on_device() => {
+                Err(ReceiverError::PosesOne(plan))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
 impl FromStr for PlacementRequest {
     type Err = String;
 
@@ -115,7 +131,12 @@ impl FromStr for PlacementRequest {
                 None if part == "auto" => {}
                 None => {
                     let named = Plan::ALL.into_iter().find(|plan| plan.name() == part);
-                    request.plan = Some(named.ok_or_else(|| refusal(text))?);
+                    let plan = named.ok_or_else(|| refusal(text))?;
+                    if let Some(before) = request.plan.replace(plan) {
+                        return Err(format!(
+                            "{text} names {before} and {plan}: give one of them"
+                        ));
+                    }
                 }
                 Some(("npu", name)) => {
                     request.provider = Some(name.parse().map_err(|_| refusal(text))?);
@@ -123,8 +144,11 @@ impl FromStr for PlacementRequest {
                 Some(_) => return Err(refusal(text)),
             }
         }
-        if request.plan == Some(Plan::GpuAlone) && request.provider.is_some() {
-            return Err(refusal(text));
+        if let (Some(Plan::GpuAlone), Some(provider)) = (request.plan, request.provider) {
+            return Err(format!(
+                "{text}: gpu-alone takes no provider, for its networks are shaders; leave out npu={}",
+                provider.name()
+            ));
         }
         Ok(request)
     }
@@ -133,7 +157,7 @@ impl FromStr for PlacementRequest {
 fn refusal(text: &str) -> String {
     format!(
         "{text} is no placement: give auto, or npu, cpu-tail, cpu or gpu, and npu=qnn, npu=nnapi, npu=xnnpack or npu=cpu, \
-         with a comma between, e.g. npu,npu=qnn; or gpu-alone, without either"
+         with a comma between, e.g. npu,npu=qnn; or gpu-alone"
     )
 }
 
@@ -164,12 +188,14 @@ mod tests {
                 };
                 if plan == Some(Plan::GpuAlone) && provider.is_some() {
                     let error = request.to_string().parse::<PlacementRequest>();
-                    assert!(error.is_err_and(|why| why.contains("gpu-alone, without")));
+                    assert!(error.is_err_and(|why| why.contains("takes no provider")));
                     continue;
                 }
                 assert_eq!(request.to_string().parse(), Ok(request), "{request}");
             }
         }
+        let twice = "npu,cpu".parse::<PlacementRequest>();
+        assert!(twice.is_err_and(|why| why.contains("give one")));
         for wrong in ["", "card", "npu=gpu", "gpu=npu", "npu;npu=cpu", "fast"] {
             let error = wrong.parse::<PlacementRequest>().expect_err(wrong);
             assert!(error.contains("npu,npu=qnn"), "{error}");

@@ -50,7 +50,7 @@ impl PictureHints {
             self.target = period;
             if self.session.is_some() {
                 let milliseconds = period.as_secs_f64() * 1e3;
-                log::debug!(
+                log::info!(
                     "Android is told of {} threads' pictures, each within {milliseconds:.1} ms",
                     threads.len()
                 );

@@ -194,7 +194,7 @@ pub fn drawing(
 
 fn project(work: &Work, costs: &ShaderCosts, chip: &Chip) -> Result<StageEstimate, TableError> {
     let (gaussians, views) = (work.gaussians as f64, work.views.len() as f64);
-    // Two loops look rows up that lenses hide in part; three hand what waves found to one counter.
+    // Two loops look rows up that lenses hide in part, of which there are none here (the listing's loops have that inside, and are reckoned with it); three hand what waves found to one counter.
     let loops = [
         ("", 1.0),
         ("1", 0.0),

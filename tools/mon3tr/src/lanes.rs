@@ -11,7 +11,7 @@ use clap::ValueEnum;
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub(crate) struct LaneChoices {
     /// What runs where: auto (measured at the start, plan npu where it is as fast as another), npu (NPU: networks and skinning), cpu-tail, cpu, gpu
-    /// (GPU: all but the networks) or gpu-alone (the networks too), and which runtime the networks use: npu=qnn, nnapi, xnnpack or cpu, e.g. npu,npu=qnn
+    /// (GPU: all but the networks) or gpu-alone (the networks too, by shaders), both for one person; and which runtime the networks use: npu=qnn, nnapi, xnnpack or cpu, e.g. npu,npu=qnn
     #[arg(long, value_name = "PLACEMENT", default_value = "auto")]
     pub(crate) placement: PlacementRequest,
     /// Pictures between two motion frames: interpolate (exact, one motion frame late) or extrapolate (at once, and wrong where

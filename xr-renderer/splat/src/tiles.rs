@@ -3,7 +3,6 @@
 //! A person is drawn many times over: blending stops as soon as what lies behind no longer shows, which
 //! is where this wins over drawing quads.
 
-use std::num::NonZero;
 use std::sync::Arc;
 
 use ash::vk;
@@ -25,9 +24,12 @@ use crate::target::Target;
 const LANE_GROUP: u32 = 32;
 /// Invocations per workgroup of the pass over tiles.
 const TILE_GROUP: u32 = 64;
-/// On a software driver, which has a few cores to feed: each with two groups of its vectors, for a row of the table costs more than it.
+/// The same on a software driver.
 const CPU_LANE_GROUP: u32 = 8;
+/// Lanes there: a row of the table for each costs more than cores gain that have work already, but no core may wait for another's long run.
 const CPU_LANES: std::ops::RangeInclusive<u32> = 32..=128;
+/// Splats that one lane there walks.
+const CPU_RUN: u32 = 4096;
 
 /// Invocations per workgroup of the passes by lane.
 fn lane_group(gpu: &Gpu) -> u32 {
@@ -61,13 +63,10 @@ impl Layout {
     }
 
     /// Invocations that share the sorted splats among them.
-    fn lanes(self, gpu: &Gpu) -> u32 {
+    fn lanes(self, gpu: &Gpu, capacity: u32) -> u32 {
         let mut lanes = if gpu.info().is_cpu {
-            let cores = std::thread::available_parallelism().map_or(2, NonZero::get);
-            let lanes = u32::try_from(2 * cores)
-                .unwrap_or(u32::MAX)
-                .saturating_mul(CPU_LANE_GROUP);
-            lanes.clamp(*CPU_LANES.start(), *CPU_LANES.end())
+            let wanted = capacity.div_ceil(CPU_RUN).next_multiple_of(CPU_LANE_GROUP);
+            wanted.clamp(*CPU_LANES.start(), *CPU_LANES.end())
         } else {
             MOST_LISTING_LANES
         };
@@ -112,7 +111,7 @@ impl Tiles {
     ) -> Result<Self, VulkanError> {
         let vk::Extent2D { width, height } = target.most;
         let layout = Layout::new(width, height, target.layers);
-        let lanes = layout.lanes(gpu);
+        let lanes = layout.lanes(gpu, geometry.capacity());
         let table = Buffer::storage(
             gpu,
             "tile counts",

@@ -51,10 +51,26 @@ impl VisibleTiles {
     pub fn behind(camera: &Camera, hidden: impl IntoIterator<Item = [Vec2; 3]>) -> Self {
         let scale = DVec2::new(f64::from(camera.fx), -f64::from(camera.fy));
         let centre = DVec2::new(f64::from(camera.cx), f64::from(camera.cy));
-        let hidden: Vec<[DVec2; 3]> = hidden
+        let mut hidden: Vec<[DVec2; 3]> = hidden
             .into_iter()
             .map(|triangle| triangle.map(|corner| centre + scale * corner.as_dvec2()))
             .collect();
+        // From the top; those that a line may meet are few.
+        let top = |triangle: &[DVec2; 3]| {
+            triangle
+                .map(|at| at.y)
+                .into_iter()
+                .fold(f64::INFINITY, f64::min)
+        };
+        let bottom = |triangle: &[DVec2; 3]| {
+            triangle
+                .map(|at| at.y)
+                .into_iter()
+                .fold(f64::NEG_INFINITY, f64::max)
+        };
+        hidden.sort_by(|a, b| top(a).total_cmp(&top(b)));
+        let mut to_come = hidden.iter().peekable();
+        let mut met: Vec<&[DVec2; 3]> = Vec::new();
         let mut this = Self::none(camera.width, camera.height);
         let tile = f64::from(TILE_PIXELS);
         let (width, columns) = (f64::from(camera.width), this.columns());
@@ -62,16 +78,19 @@ impl VisibleTiles {
         for line in 0..camera.height {
             let height = f64::from(line) + 0.5;
             covered.clear();
-            covered.extend(hidden.iter().filter_map(|one| extent_at(one, height)));
+            while let Some(next) = to_come.next_if(|next| top(next) <= height) {
+                met.push(next);
+            }
+            met.retain(|one| bottom(one) >= height);
+            covered.extend(met.iter().filter_map(|one| extent_at(one, height)));
             let Some([left, right]) = open_between(&mut covered, width) else {
                 continue;
             };
             let seen = [left - MARGIN_PIXELS, right + MARGIN_PIXELS];
             let seen = seen.map(|x| column((x / tile).floor(), columns));
             // The rows of tiles that this line of pixels is in, or next to.
-            let margin = MARGIN_LINES;
-            let first = line.saturating_sub(margin) / TILE_PIXELS;
-            let last = (line + margin).min(camera.height - 1) / TILE_PIXELS;
+            let first = line.saturating_sub(MARGIN_LINES) / TILE_PIXELS;
+            let last = (line + MARGIN_LINES).min(camera.height - 1) / TILE_PIXELS;
             for row in first..=last {
                 if let Some(row) = this.rows.get_mut(row as usize) {
                     *row = match *row {

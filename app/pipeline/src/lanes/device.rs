@@ -136,6 +136,11 @@ impl DevicePosing {
         }))
     }
 
+    /// Whether the device runs the networks.
+    pub(super) fn runs_networks(&self) -> bool {
+        matches!(self.input, DeviceInput::Posed { .. })
+    }
+
     /// What the renderer is to draw; nothing where the device that had it was lost.
     pub(super) fn foreground(&self, level: usize) -> Option<Foreground<'static>> {
         let ([from, to], share) = self.shown?;
@@ -169,7 +174,7 @@ impl DevicePosing {
 
     fn push(&mut self, renderer: &mut SplatRenderer) -> Result<(), ReceiverError> {
         let handed = Instant::now();
-        let is_driven = matches!(self.input, DeviceInput::Posed { .. });
+        let is_driven = self.runs_networks();
         let (posed, deformation) = self.input.taken();
         let input = PosedInput {
             deformation,
@@ -186,7 +191,7 @@ impl DevicePosing {
         let mut head = StateHead::new(&posed.pose);
         head.times.ready = Instant::now();
         if is_driven {
-            // Known better once the device has told.
+            // The networks are run with the picture, and count as drawing it.
             head.times.inference = [handed; 2];
         }
         if let Some(slot) = self.ids.get_mut(place) {

@@ -91,7 +91,12 @@ impl<S: MotionSource> Lanes<S> {
         let next = self.controller.picture(&PictureCost {
             step: self.quality.step,
             pixels_ms: times.raster,
-            gaussians_ms: times.upload + times.posing() + times.project + times.bin,
+            gaussians_ms: times.upload
+                + times.attributes
+                + times.interpolate
+                + times.project
+                + times.bin,
+            fixed_ms: times.networks + times.skin,
             sort_ms: times.sort,
             late_periods,
         });
@@ -113,14 +118,15 @@ impl<S: MotionSource> Lanes<S> {
         progress.sorted = spans.sort[1];
         let number = self.number;
         for person in self.people.iter_mut().filter(|person| !person.is_gone) {
-            if let (Supply::Device(_), Some(view)) = (&person.supply, &mut person.view) {
+            if let (Supply::Device(posing), Some(view)) = (&person.supply, &mut person.view) {
                 view.interpolation = spans.interpolate;
                 let state = view.states[1].number;
-                for (stage, [begin, end]) in [
-                    (Stage::Inference, spans.networks),
-                    (Stage::Skin, spans.skin),
-                    (Stage::Bind, spans.attributes),
-                ] {
+                let networks =
+                    (posing.runs_networks()).then_some((Stage::Inference, spans.networks));
+                for (stage, [begin, end]) in networks
+                    .into_iter()
+                    .chain([(Stage::Skin, spans.skin), (Stage::Bind, spans.attributes)])
+                {
                     if end > begin {
                         person.recorder.span(stage, state, begin, end);
                     }

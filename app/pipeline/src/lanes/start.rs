@@ -9,7 +9,7 @@ use super::person::{Counts, Person, Supply, places};
 use super::scenery::Scenery;
 use super::states::{Heads, States};
 use super::threads::Threads;
-use super::triple_buffer::{WakeSignal, triple_buffer};
+use super::triple_buffer::{Reader, WakeSignal, triple_buffer};
 use super::{LaneOptions, Lanes, MotionSource, cpu, motion};
 use crate::error::ReceiverError;
 use crate::inference::Inference;
@@ -18,7 +18,7 @@ use crate::posing::Posing;
 use crate::profile::Collector;
 use crate::quality::{KEPT_SHARES, QualityController};
 use crate::stage::Lane;
-use crate::timeline::{LatencyMode, Timeline};
+use crate::timeline::{DisplayLag, LatencyMode, Timeline};
 use app_kernels::Detail;
 use glam::Affine3A;
 use renderer_splat::motion_bound::MotionBound;
@@ -89,13 +89,13 @@ impl<S: MotionSource> Person<S> {
             .map(|inference| (inference.fault(), inference.changes()))
             .unwrap_or_default();
         let mut threads = Threads::new([npu_bell.clone(), cpu_bell.clone()]);
-        let supply = match inference {
-            None if plan == Plan::GpuAlone => {
+        let supply = match (plan.graph(), inference) {
+            (None, None) => {
                 let input = DeviceInput::posed(posed_reader, avatar);
                 Supply::Device(DevicePosing::new(input, latency, lag))
             }
-            None => return Err(ReceiverError::NoProvider),
-            Some(inference) => {
+            (Some(_), None) | (None, Some(_)) => return Err(ReceiverError::NoProvider),
+            (Some(_), Some(inference)) => {
                 let one = || -> Result<Inferred, ReceiverError> {
                     Ok(Inferred {
                         outputs: inference.outputs()?,
@@ -117,41 +117,16 @@ impl<S: MotionSource> Person<S> {
                     let input = DeviceInput::Inferred(inferred_reader);
                     Supply::Device(DevicePosing::new(input, latency, lag))
                 } else {
-                    let (requests, requests_reader) =
-                        triple_buffer([Request::none(); 3], &cpu_bell);
-                    let posing = Posing::new(avatar, plan)?;
-                    let room = u32::try_from(posing.gaussians()).unwrap_or(u32::MAX);
-                    let (pictures, pictures_reader) =
-                        triple_buffer(places(renderer, room)?, &WakeSignal::default());
-                    let (renew, renewed) = channel();
-                    counts.requests = requests.overwritten();
-                    counts.interpolations = pictures.overwritten();
-                    let cpu = CpuLane {
-                        states: States::new(posing.gaussians()),
-                        posing,
-                        heads: Heads::new(),
-                        timeline: Timeline::new(latency, lag),
-                        inferred: inferred_reader,
-                        requests: requests_reader,
-                        pictures,
-                        renewed,
-                        bell: cpu_bell.clone(),
-                        recorder: collector.recorder(Lane::Cpu),
-                        path: MotionBound::new(),
-                        making: None,
-                        due: None,
-                        lead: cpu::LEAST_LEAD,
-                        shown: None,
-                        kept: details(avatar)?,
-                    };
-                    threads.spawn_in_pool("cpu lane", move |stop| cpu.run(stop))?;
-                    Supply::Host {
-                        requests,
-                        pictures: pictures_reader,
-                        renew,
-                        bell: cpu_bell,
-                        room,
-                    }
+                    let lane = (&mut collector, &mut counts, &mut threads);
+                    host_supply(
+                        avatar,
+                        renderer,
+                        plan,
+                        (latency, lag),
+                        inferred_reader,
+                        cpu_bell,
+                        lane,
+                    )?
                 }
             }
         };
@@ -178,6 +153,52 @@ impl<S: MotionSource> Person<S> {
             error: None,
         })
     }
+}
+
+/// A CPU lane that makes a person's Gaussians of what comes in `inferred`.
+fn host_supply<S: MotionSource>(
+    avatar: &Avatar,
+    renderer: &SplatRenderer,
+    plan: Plan,
+    (latency, lag): (LatencyMode, DisplayLag),
+    inferred: Reader<Inferred>,
+    bell: WakeSignal,
+    (collector, counts, threads): (&mut Collector, &mut Counts, &mut Threads<S>),
+) -> Result<Supply, ReceiverError> {
+    let (requests, requests_reader) = triple_buffer([Request::none(); 3], &bell);
+    let posing = Posing::new(avatar, plan)?;
+    let room = u32::try_from(posing.gaussians()).unwrap_or(u32::MAX);
+    let (pictures, pictures_reader) =
+        triple_buffer(places(renderer, room)?, &WakeSignal::default());
+    let (renew, renewed) = channel();
+    counts.requests = requests.overwritten();
+    counts.interpolations = pictures.overwritten();
+    let cpu = CpuLane {
+        states: States::new(posing.gaussians()),
+        posing,
+        heads: Heads::new(),
+        timeline: Timeline::new(latency, lag),
+        inferred,
+        requests: requests_reader,
+        pictures,
+        renewed,
+        bell: bell.clone(),
+        recorder: collector.recorder(Lane::Cpu),
+        path: MotionBound::new(),
+        making: None,
+        due: None,
+        lead: cpu::LEAST_LEAD,
+        shown: None,
+        kept: details(avatar)?,
+    };
+    threads.spawn_in_pool("cpu lane", move |stop| cpu.run(stop))?;
+    Ok(Supply::Host {
+        requests,
+        pictures: pictures_reader,
+        renew,
+        bell,
+        room,
+    })
 }
 
 /// The levels of detail beyond the first, which has all Gaussians.

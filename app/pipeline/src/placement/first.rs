@@ -42,10 +42,16 @@ pub fn place_first(
     };
     let mut renderer = control.on_gpu(|| new(&options))?;
     let placed = place(backends, avatar, &mut renderer, cameras, request, control)?;
-    if options.mesh.is_some() && !placed.plan.poses_on_device() {
-        // 30 MB of the device's memory that are not used.
+    // 10 MB of the device's memory for networks, 20 for the rest, that are not used.
+    let left = match (placed.plan, options.mesh.as_ref()) {
+        (Plan::GpuAlone, _) | (_, None) => None,
+        (Plan::Gpu, Some(mesh)) if mesh.parameters().is_none() => None,
+        (Plan::Gpu, Some(_)) => Some(Some(Arc::new(bound_mesh(avatar)?))),
+        (Plan::Npu | Plan::CpuTail | Plan::Cpu, Some(_)) => Some(None),
+    };
+    if let Some(mesh) = left {
         let options = RendererOptions {
-            mesh: None,
+            mesh,
             // The faster one has been found, but for a headset's images, into which each has a way of its own.
             back_end: if gpu.belongs_to_headset() {
                 options.back_end

@@ -172,6 +172,7 @@ fn place_here(
     control: &Control,
 ) -> Result<Placed, ReceiverError> {
     control.checkpoint()?;
+    request.check()?;
     let found = backends.runtime.probe();
     let gpu_is_cpu = renderer.gpu().info().is_cpu;
     let mut canvas = Canvas {

@@ -21,6 +21,8 @@ pub struct PictureCost {
     pub gaussians_ms: f64,
     /// The sort, ms; 0 where this picture needed none.
     pub sort_ms: f64,
+    /// What no quality shortens, ms: networks and skinning of new poses, where the device has them.
+    pub fixed_ms: f64,
     /// Display periods that showed the picture before once more because this one was not ready.
     pub late_periods: u32,
 }
@@ -29,7 +31,7 @@ impl PictureCost {
     /// All of the GPU's time, ms.
     #[must_use]
     pub fn total_ms(&self) -> f64 {
-        self.pixels_ms + self.gaussians_ms + self.sort_ms
+        self.pixels_ms + self.gaussians_ms + self.sort_ms + self.fixed_ms
     }
 
     /// The same with numbers that are no times (negative, NaN, infinite) as 0.
@@ -38,6 +40,7 @@ impl PictureCost {
             &mut self.pixels_ms,
             &mut self.gaussians_ms,
             &mut self.sort_ms,
+            &mut self.fixed_ms,
         ] {
             if !ms.is_finite() || *ms < 0.0 {
                 *ms = 0.0;
@@ -114,7 +117,8 @@ impl Recent {
             } else {
                 cost.sort_ms * sorts
             };
-            *total = cost.pixels_ms * pixels + (cost.gaussians_ms + sort) * gaussians;
+            *total =
+                cost.pixels_ms * pixels + (cost.gaussians_ms + sort) * gaussians + cost.fixed_ms;
         }
         let totals = &mut totals[..among];
         totals.sort_unstable_by(f64::total_cmp);

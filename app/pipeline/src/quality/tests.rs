@@ -1,8 +1,9 @@
 //! The controller against simulated GPUs and displays, which share nothing with its own prediction but the ladder.
 
+use super::recent::Recent;
 use super::{
-    KEPT_SHARES, LADDER, MOST_CHANGES_A_MINUTE, PictureCost, QualityController, QualityFigures,
-    QualityMode,
+    KEPT_SHARES, LADDER, MOST_CHANGES_A_MINUTE, PictureCost, Quality, QualityController,
+    QualityFigures, QualityMode,
 };
 use proptest::prelude::*;
 use std::collections::VecDeque;
@@ -69,6 +70,7 @@ impl Simulation {
                 } else {
                     0.0
                 },
+                fixed_ms: 0.0,
                 late_periods: 0,
             };
             let took = cost.total_ms() / PERIOD_MS;
@@ -472,4 +474,23 @@ fn it_begins_where_an_expected_picture_fits() {
     assert_eq!(expecting(50.0, QualityMode::Adapt), LADDER.len() - 1);
     // What is asked for stays.
     assert_eq!(expecting(50.0, QualityMode::Fixed(2)), 2);
+}
+
+#[test]
+fn what_no_quality_shortens_is_predicted_as_it_is() {
+    let mut costs = Recent::new();
+    costs.push(PictureCost {
+        pixels_ms: 4.0,
+        gaussians_ms: 2.0,
+        sort_ms: 1.0,
+        fixed_ms: 3.0,
+        ..PictureCost::default()
+    });
+    let (best, last) = (Quality::of_step(0), Quality::of_step(LADDER.len() - 1));
+    let at_best = costs.predicted(best, best, 1, 100);
+    assert!((at_best - 10.0).abs() < 1e-9, "{at_best}");
+    // 60 % of width and height, 35 % of the Gaussians, every other picture sorted.
+    let at_last = costs.predicted(best, last, 1, 100);
+    let scaled = at_last - 3.0;
+    assert!((1.5..3.5).contains(&scaled), "{at_last}");
 }

@@ -4,6 +4,7 @@ use super::{Display, DisplayNeeds, DrawnPicture, LiveSession, SessionError};
 use crate::participant::Origin;
 use crate::pose_queue::PoseQueue;
 use app_pipeline::lanes::{Drawn, Tick};
+use app_pipeline::plan::Plan;
 use app_pipeline::stage::Stage;
 use glam::Affine3A;
 use renderer_splat::camera::Camera;
@@ -117,12 +118,12 @@ impl Display for StillsDisplay<'_> {
 
 /// Waits until a motion frame's state is made. No picture is begun meanwhile: the CPU would make Gaussians for it first.
 fn wait_for_state(session: &mut LiveSession<'_>, motion_frame: u64) -> Result<(), SessionError> {
-    let posed_by_device =
-        (session.people.first()).is_some_and(|one| one.placement.plan.poses_on_device());
-    let last = if posed_by_device {
-        Stage::Inference
-    } else {
-        Stage::Bind
+    let plan = session.people.first().map(|one| one.placement.plan);
+    let last = match plan {
+        // The rest is done with the picture.
+        Some(Plan::GpuAlone) => Stage::Kinematics,
+        Some(Plan::Gpu) => Stage::Inference,
+        Some(Plan::Npu | Plan::CpuTail | Plan::Cpu) | None => Stage::Bind,
     };
     let is_made = |session: &mut LiveSession<'_>| {
         let mut newest = session.lanes.collector().spans().rev().take(64);

@@ -51,6 +51,8 @@ pub(super) struct Frames<'a> {
     figures: HeadsetFigures,
     pace: Pace,
     hints: PictureHints,
+    /// How many people were there at the last frame.
+    attending: usize,
     /// Milliseconds.
     intervals: Vec<f64>,
     periods: Vec<f64>,
@@ -77,6 +79,7 @@ impl<'a> Frames<'a> {
             figures: HeadsetFigures::default(),
             pace: Pace::new(None),
             hints: PictureHints::new(System::here()),
+            attending: 0,
             intervals: Vec::new(),
             periods: Vec::new(),
             predicted: None,
@@ -242,6 +245,9 @@ impl<'a> Frames<'a> {
         self.people.observe();
         for newcomer in self.people.admit()? {
             self.places.forget(&self.people, newcomer);
+        }
+        let attending = self.people.lanes.attending().filter(|there| *there).count();
+        if std::mem::replace(&mut self.attending, attending) != attending {
             self.hints.threads_changed();
         }
         let frame = session.wait()?;
@@ -349,7 +355,7 @@ impl<'a> Frames<'a> {
 }
 
 /// How long the processor had to do with a frame: from its beginning to its end, but for the time in which the device drew it, which no
-/// faster processor would shorten.
+/// faster processor would shorten. What it waits for the compositor's next image is not known apart, and counts.
 fn worked(begun: Instant, done: Instant, drawn: Option<PictureTime>) -> Duration {
     let drawn = drawn.filter(|drawn| drawn.submitted >= begun);
     let waited = drawn.map(|drawn| drawn.finished.saturating_duration_since(drawn.submitted));

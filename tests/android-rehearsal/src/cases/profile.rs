@@ -31,7 +31,6 @@ pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<F
     );
     process.leave(activity)?;
     let power = process.census()?.power;
-    platform_was_told(&power)?;
     process.quit()?;
     let folder = scene.external().join("profile");
     for file in [
@@ -56,6 +55,8 @@ pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<F
         runtime.starts_with(|first: char| first.is_ascii_digit()),
         "ONNX Runtime's version is {runtime:?}"
     );
+    let plan = profile["placement"]["plan"].as_str();
+    platform_was_told(&power, plan.unwrap_or_default())?;
     let series = profile["machine"]["series"].as_array();
     let heat = series
         .into_iter()
@@ -75,7 +76,7 @@ pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<F
 }
 
 /// Headroom and hints were asked for as Android wants it, and all is given back.
-fn platform_was_told(power: &PowerFigures) -> anyhow::Result<()> {
+fn platform_was_told(power: &PowerFigures, plan: &str) -> anyhow::Result<()> {
     ensure!(
         power.headrooms >= 3,
         "headroom is seldom asked for: {power:?}"
@@ -85,8 +86,13 @@ fn platform_was_told(power: &PowerFigures) -> anyhow::Result<()> {
         power.sessions >= 1 && power.reports >= 5,
         "few hints: {power:?}"
     );
-    // The loop's thread and each lane's.
-    ensure!(power.threads >= 3, "for few threads: {power:?}");
+    // The loop's thread and each lane's that the placement has.
+    let threads = match plan {
+        "gpu-alone" => 1,
+        "gpu" => 2,
+        _ => 3,
+    };
+    ensure!(power.threads >= threads, "for few threads: {power:?}");
     ensure!(power.strangers == 0 && power.wrong == 0, "wrong: {power:?}");
     let left = [power.open_sessions, power.listeners, power.thermal_managers];
     ensure!(left == [0; 3], "not given back: {power:?}");

@@ -68,6 +68,7 @@ pub(crate) struct VisibilityMask {
     cameras: Option<[Camera; 2]>,
     tiles: Option<[VisibleTiles; 2]>,
     has_warned: bool,
+    has_told: bool,
 }
 
 impl VisibilityMask {
@@ -85,6 +86,7 @@ impl VisibilityMask {
             cameras: None,
             tiles: None,
             has_warned: false,
+            has_told: false,
         };
         this.renew(0);
         this.renew(1);
@@ -115,7 +117,7 @@ impl VisibilityMask {
         if same {
             return;
         }
-        let is_first = self.cameras.replace(cameras).is_none();
+        self.cameras = Some(cameras);
         self.tiles = None;
         if self.meshes.iter().all(Option::is_none) {
             return;
@@ -132,8 +134,12 @@ impl VisibilityMask {
             self.warn(Wrong::Hides { share });
             return;
         }
-        if is_first {
-            let [left, right] = tiles.each_ref().map(|tiles| tiles.share() * 100.0);
+        let shares = tiles.each_ref().map(VisibleTiles::share);
+        if shares == [1.0; 2] {
+            return;
+        }
+        if !std::mem::replace(&mut self.has_told, true) {
+            let [left, right] = shares.map(|share| share * 100.0);
             log::info!(
                 "the lenses show {left:.0} % of the left and {right:.0} % of the right picture, and only that is drawn"
             );

@@ -2,7 +2,7 @@
 //!
 //! A [`BoundMesh`] is uploaded once; each pose after it is its mesh, its joints and its controllers' potentials
 //! ([`PosedInput`]), a quarter of a megabyte for a person of 60,000 Gaussians, or the parameters that the mesh's own networks
-//! compute these from ([`BoundMesh::with_networks`]), a kilobyte. Three compute passes make a *state* of it
+//! compute these from ([`BoundMesh::with_networks`]), a kilobyte. Compute passes make a *state* of it
 //! and, for each picture, Gaussians between two states (paper, sections IV-B and V).
 
 mod bound_mesh;

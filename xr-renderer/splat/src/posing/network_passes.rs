@@ -10,6 +10,7 @@ use renderer_vulkan::gpu::Gpu;
 use renderer_vulkan::pipeline::{ComputePipeline, Specialisation};
 use renderer_vulkan::upload::Upload;
 
+use super::checks::refused;
 use super::dispatch::{GROUP, word};
 use super::networks::{Layers, Networks};
 use crate::error::RenderError;
@@ -95,13 +96,34 @@ impl LayerPass {
     }
 }
 
+/// Refuses networks of which one layer's outputs do not fit a dispatch.
+fn check_sizes(networks: &Networks, most: u32) -> Result<(), RenderError> {
+    let layers = [
+        &networks.first,
+        &networks.second,
+        &networks.code,
+        &networks.controllers_first,
+        &networks.controllers_second,
+    ];
+    let largest = layers.map(Layers::outputs).into_iter().max().unwrap_or(0);
+    if largest / 2 > u64::from(most) || networks.fours > most {
+        return Err(refused(format!(
+            "a layer of its networks has {largest} outputs, and this device computes {} at most",
+            2 * u64::from(most)
+        )));
+    }
+    Ok(())
+}
+
 impl NetworkPasses {
-    /// For poses that lie in `poses`.
+    /// For poses that lie in `poses`, on a device that runs `most` invocations at a time.
     pub(super) fn new(
         gpu: &Arc<Gpu>,
         networks: &Networks,
         poses: &Buffer,
+        most: u32,
     ) -> Result<Self, RenderError> {
+        check_sizes(networks, most)?;
         let between = |layers: &Layers| Buffer::storage(gpu, "hidden units", 4 * layers.outputs());
         let hidden = between(&networks.first)?;
         let more = between(&networks.second)?;

@@ -89,9 +89,9 @@ impl Networks {
         let width = parts.second.bias.len();
         let ranks = parts.code.bias.len();
         let units = parts.controllers_first.bias.len();
-        if ranks == 0 || units == 0 || !units.is_multiple_of(controllers) {
+        if width == 0 || ranks == 0 || units == 0 || !units.is_multiple_of(controllers) {
             return Err(refused(format!(
-                "its networks have a code of {ranks} numbers and {units} hidden units for {controllers} controllers"
+                "its networks have a second layer of {width}, a code of {ranks} numbers and {units} hidden units for {controllers} controllers"
             )));
         }
         let counts = [

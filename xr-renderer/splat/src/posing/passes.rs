@@ -1,4 +1,4 @@
-//! The three passes and the ring of states they fill. Records commands; submits nothing.
+//! The passes of posing and the ring of states they fill. Records commands; submits nothing.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -130,7 +130,8 @@ impl Posing {
         ];
         let networks = (mesh.networks.as_ref())
             .map(|networks| {
-                NetworkPasses::new(gpu, networks, inputs_copy.as_ref().unwrap_or(&inputs))
+                let poses = inputs_copy.as_ref().unwrap_or(&inputs);
+                NetworkPasses::new(gpu, networks, poses, most)
             })
             .transpose()?;
         Ok(Self {

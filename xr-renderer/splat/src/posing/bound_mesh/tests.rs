@@ -179,6 +179,14 @@ fn networks_that_do_not_follow_one_another_are_refused_by_name() {
             },
             "a code of 0 numbers",
         ),
+        (
+            NetworkParts {
+                second: dense(3, 0),
+                code: dense(0, 1),
+                ..good
+            },
+            "a second layer of 0",
+        ),
     ];
     for (networks, expected) in cases {
         let error = mesh.clone().with_networks(&networks).expect_err(expected);
