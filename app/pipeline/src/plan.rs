@@ -1,6 +1,5 @@
 //! Where stages run: what can be asked for, by name.
 
-use crate::error::ReceiverError;
 use crate::stage::{Stage, Unit};
 use npu_runtime::ProviderKind;
 use serde::Serialize;
@@ -104,21 +103,6 @@ pub struct PlacementRequest {
     pub provider: Option<ProviderKind>,
     /// For people who come and go: plans that pose on the device are left out, for it poses one person only.
     pub for_several: bool,
-}
-
-impl PlacementRequest {
-    /// Refuses what cannot be had anywhere, before anything is tried.
-    ///
-    /// # Errors
-    /// [`ReceiverError::PosesOne`] for a plan that poses on the device, where people come and go.
-    pub fn check(&self) -> Result<(), ReceiverError> {
-        match self.plan {
-            Some(plan) if self.for_several && plan.poses_on_device() => {
-                Err(ReceiverError::PosesOne(plan))
-            }
-            _ => Ok(()),
-        }
-    }
 }
 
 impl FromStr for PlacementRequest {

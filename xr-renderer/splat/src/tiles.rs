@@ -29,7 +29,7 @@ const CPU_LANE_GROUP: u32 = 8;
 /// Lanes there: a row of the table for each costs more than cores gain that have work already, but no core may wait for another's long run.
 const CPU_LANES: std::ops::RangeInclusive<u32> = 32..=128;
 /// Splats that one lane there walks.
-const CPU_RUN: u32 = 4096;
+const CPU_RUN: u32 = 8192;
 
 /// Invocations per workgroup of the passes by lane.
 fn lane_group(gpu: &Gpu) -> u32 {
@@ -65,7 +65,7 @@ impl Layout {
     /// Invocations that share the sorted splats among them.
     fn lanes(self, gpu: &Gpu, capacity: u32) -> u32 {
         let mut lanes = if gpu.info().is_cpu {
-            let wanted = capacity.div_ceil(CPU_RUN).next_multiple_of(CPU_LANE_GROUP);
+            let wanted = capacity.div_ceil(CPU_RUN).next_power_of_two();
             wanted.clamp(*CPU_LANES.start(), *CPU_LANES.end())
         } else {
             MOST_LISTING_LANES

@@ -172,7 +172,10 @@ fn place_here(
     control: &Control,
 ) -> Result<Placed, ReceiverError> {
     control.checkpoint()?;
-    request.check()?;
+    let poses_one = (request.plan).filter(|plan| request.for_several && plan.poses_on_device());
+    if let Some(plan) = poses_one {
+        return Err(ReceiverError::PosesOne(plan));
+    }
     let found = backends.runtime.probe();
     let gpu_is_cpu = renderer.gpu().info().is_cpu;
     let mut canvas = Canvas {

@@ -381,7 +381,7 @@ fn a_fixed_quality_stays_and_counts() {
 #[test]
 fn the_ladder_gives_up_resolution_first_then_gaussians_then_the_sort() {
     for pair in LADDER.windows(2) {
-        let key = |q: &super::Quality| (q.sort_every, q.level, -q.resolution_scale);
+        let key = |q: &Quality| (q.sort_every, q.level, -q.resolution_scale);
         let (a, b) = (key(&pair[0]), key(&pair[1]));
         let changed = [a.0 != b.0, a.1 != b.1, a.2 != b.2];
         assert_eq!(
