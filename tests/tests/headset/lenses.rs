@@ -13,17 +13,7 @@ fn corners_are_hidden(back_end: &str) {
     let Some(monado) = Monado::start(Driver::Simulated, Compositor::Null) else {
         return;
     };
-    let eye = format!("--eye={}x{}", SIZE[0], SIZE[1]);
-    let back_end = format!("--back-end={back_end}");
-    let arguments = [
-        "--steered",
-        "--figure=none",
-        "--surround=studio",
-        &back_end,
-        &eye,
-    ];
-    let mut program = Program::start(&monado, u64::MAX, &arguments);
-    program.wait_for_frames(5);
+    let mut program = Program::in_studio(&monado, back_end, SIZE);
     let (told, pictures) = program.read("lenses");
     let shares = numbers(&told["lenses_show"]);
     for (eye, (picture, share)) in pictures.iter().zip(&shares).enumerate() {

@@ -42,7 +42,23 @@ impl Program {
         Self::start_with(monado, frames, arguments, |_| {})
     }
 
-    /// The same, with the command changed before it is run.
+    /// Starts it steered in an empty studio, with one back end and pictures of `size` pixels, and waits until frames come.
+    pub(crate) fn in_studio(monado: &Monado, back_end: &str, size: [u32; 2]) -> Self {
+        let eye = format!("--eye={}x{}", size[0], size[1]);
+        let back_end = format!("--back-end={back_end}");
+        let arguments = [
+            "--steered",
+            "--figure=none",
+            "--surround=studio",
+            &back_end,
+            &eye,
+        ];
+        let mut program = Self::start(monado, u64::MAX, &arguments);
+        program.wait_for_frames(5);
+        program
+    }
+
+    /// [`Self::start`], with the command changed before it is run.
     pub(crate) fn start_with(
         monado: &Monado,
         frames: u64,

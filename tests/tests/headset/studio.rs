@@ -40,17 +40,7 @@ fn floor_and_wall_are_right(back_end: &str) {
         return;
     };
     let mut head = monado.head();
-    let eye = format!("--eye={}x{}", SIZE[0], SIZE[1]);
-    let back_end = format!("--back-end={back_end}");
-    let arguments = [
-        "--steered",
-        "--figure=none",
-        "--surround=studio",
-        &back_end,
-        &eye,
-    ];
-    let mut program = Program::start(&monado, u64::MAX, &arguments);
-    program.wait_for_frames(5);
+    let mut program = Program::in_studio(&monado, back_end, SIZE);
     let rolled =
         Quat::from_rotation_y(0.8) * Quat::from_rotation_x(0.1) * Quat::from_rotation_z(0.6);
     for (name, rotation) in [("upright", Quat::IDENTITY), ("rolled", rolled)] {
