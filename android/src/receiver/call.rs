@@ -13,12 +13,13 @@ use app_pipeline::quality::QualityMode;
 use app_session::arrival::{Waiting, unless_over, wait_for_sender};
 use app_session::call::{CallEnd, CallFigures, CallWatch};
 use app_session::headset::{
-    FrameCapture, FrameObserver, HeadsetDisplay, HeadsetFigures, NoticeBoard, PresentOptions,
-    show_notice,
+    FrameCapture, FrameObserver, GazeListener, HeadsetDisplay, HeadsetFigures, NoticeBoard,
+    PresentOptions, show_notice,
 };
 use app_session::overlay::Notice;
 use app_session::participant::{CallReport, NetworkContext, Origin, Participant};
 use app_session::session::{Session, SessionConfig, SessionReport};
+use call_member::GazeFeed;
 use link_call::Credentials;
 use link_http::PackageCache;
 use link_http::cache::PackageInUse;
@@ -28,6 +29,7 @@ use link_voice::VoiceQueue;
 use profile_report::{Measured, SessionTerms};
 use spmm3::Avatar;
 use spmm3::package::PackageLimits;
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::available_parallelism;
@@ -99,7 +101,19 @@ pub(super) fn config<'a>(
 pub(super) fn present(settings: &Settings) -> PresentOptions {
     PresentOptions {
         display_hz: settings.rate.value.map(|rate| f32::from(rate.hz())),
+        gaze: settings.gaze_to.value.and_then(gaze_feed),
         ..PresentOptions::default()
+    }
+}
+
+/// Sends where the wearer looks to a second screen; without a way there it is told, and the call goes on.
+fn gaze_feed(to: SocketAddr) -> Option<Arc<dyn GazeListener>> {
+    match GazeFeed::to(&to.to_string()) {
+        Ok(feed) => Some(Arc::new(feed)),
+        Err(error) => {
+            log::warn!("{:#}", anyhow::Error::from(error));
+            None
+        }
     }
 }
 

@@ -33,11 +33,13 @@ pub enum Key {
     CacheMb,
     /// Certificates of servers that are trusted besides the public ones: a file in the app's folder.
     Ca,
+    /// The second screen that is sent where the wearer looks.
+    GazeTo,
 }
 
 impl Key {
     /// All of them.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::Server,
         Self::Room,
         Self::Token,
@@ -52,6 +54,7 @@ impl Key {
         Self::Profile,
         Self::CacheMb,
         Self::Ca,
+        Self::GazeTo,
     ];
 
     /// Its name as an extra and in the file.
@@ -72,6 +75,7 @@ impl Key {
             Self::Profile => "profile",
             Self::CacheMb => "cache_mb",
             Self::Ca => "ca",
+            Self::GazeTo => "gaze_to",
         }
     }
 

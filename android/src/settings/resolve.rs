@@ -9,6 +9,7 @@ use app_pipeline::plan::PlacementRequest;
 use app_pipeline::timeline::LatencyMode;
 use link_protocol::{CallLink, PersonName, ProtocolError, RoomLink};
 use log::LevelFilter;
+use std::net::SocketAddr;
 use std::time::Duration;
 
 /// People that one room of the viewer's is shared with: of the renderer's eight places one is the scenery's.
@@ -48,6 +49,8 @@ pub struct Settings {
     pub cache_bytes: Sourced<u64>,
     /// Certificates of servers that are trusted besides the public ones.
     pub ca: Sourced<Option<CertificateFile>>,
+    /// The second screen that is sent where the wearer looks.
+    pub gaze_to: Sourced<Option<SocketAddr>>,
 }
 
 /// The app's task.
@@ -122,8 +125,9 @@ impl Sources {
             self.value(Key::Ca, None, values::certificates),
             &mut problems,
         );
+        let gaze_to = keep(self.gaze_to(), &mut problems);
         match (
-            task, avatar, name, seat, rate, placement, latency, log, cache, ca,
+            task, avatar, name, seat, rate, placement, latency, log, cache, ca, gaze_to,
         ) {
             (
                 Some(task),
@@ -136,6 +140,7 @@ impl Sources {
                 Some(log),
                 Some(cache_bytes),
                 Some(ca),
+                Some(gaze_to),
             ) if problems.is_empty() => Ok(Settings {
                 task,
                 avatar,
@@ -147,8 +152,23 @@ impl Sources {
                 log,
                 cache_bytes,
                 ca,
+                gaze_to,
             }),
             _ => Err(problems),
+        }
+    }
+
+    /// Only the file may say it: any app could otherwise learn where the wearer looks.
+    fn gaze_to(&self) -> Result<Sourced<Option<SocketAddr>>, Problem> {
+        let key = Key::GazeTo;
+        match self.strongest(key) {
+            Some((origin, _)) if origin > Origin::File => Err(Problem::Value {
+                key,
+                origin,
+                why: "other apps must not be able to ask for it: write it into mon3tr.toml"
+                    .to_owned(),
+            }),
+            given => read(key, given, None, values::gaze_to),
         }
     }
 

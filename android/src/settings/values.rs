@@ -6,6 +6,7 @@ use app_pipeline::timeline::LatencyMode;
 use link_protocol::PersonName;
 use log::LevelFilter;
 use std::fmt;
+use std::net::SocketAddr;
 use std::time::Duration;
 
 /// A value, and its source.
@@ -177,6 +178,17 @@ pub(super) fn certificates(text: &str) -> Result<Option<CertificateFile>, String
             "the name of a file in the app's folder that ends with .pem, of letters, digits, `.`, `_` and `-`",
         ))
     }
+}
+
+/// An address without a name, so that nothing has to be looked up.
+pub(super) fn gaze_to(text: &str) -> Result<Option<SocketAddr>, String> {
+    text.parse().map(Some).map_err(|_| {
+        no(
+            text,
+            "address of a second screen",
+            "one like 192.168.1.20:7215",
+        )
+    })
 }
 
 /// Whether it names a file in the app's folder, and nothing outside it.

@@ -3,6 +3,7 @@
 #![forbid(unsafe_code)]
 
 mod acquaintances;
+mod gaze_feed;
 mod members;
 mod perform;
 mod privacy;
@@ -12,6 +13,7 @@ mod voices;
 mod wearer;
 
 pub use acquaintances::{Acquaintances, Meeting};
+pub use gaze_feed::{GazeFeed, GazeFeedError};
 pub use members::{Member, Members};
 pub use perform::Performance;
 pub use privacy::PrivacyButtons;

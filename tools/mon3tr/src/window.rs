@@ -297,10 +297,6 @@ impl View<'_, '_> {
             // People come and go, and the camera stays turned as it is.
             Some(before) => viewpoint.approach(framed.distance() / before.distance()),
         }
-        let viewpoint = match gaze {
-            Some(gaze) => gaze.follow(*viewpoint, Instant::now()),
-            None => *viewpoint,
-        };
         let present = session.lanes.renderer().options();
         if (present.width, present.height) != (width, height) {
             // Once for a picture, not for every step of a drag.
@@ -311,7 +307,10 @@ impl View<'_, '_> {
         } else {
             STUDIO
         };
-        let camera = viewpoint.camera(people.floor, people.heading, width, height);
+        let camera = match gaze {
+            Some(gaze) => gaze.camera(*viewpoint, &people, *size, Instant::now()),
+            None => viewpoint.camera(people.floor, people.heading, width, height),
+        };
         let cameras = eyes(camera, *views);
         if let Drawn::Renewed(gpu) = session.lanes.draw(&cameras)? {
             return open.renew(&gpu);

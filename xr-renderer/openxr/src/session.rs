@@ -18,6 +18,7 @@ use crate::canvas::Canvas;
 use crate::error::{XrContext, XrError};
 use crate::ext::FrameTiming;
 use crate::ext::depth::DepthRange;
+use crate::ext::eye_tracking::Gaze;
 use crate::ext::foveation::Foveation;
 use crate::ext::or_without;
 use crate::ext::passthrough::Passthrough;
@@ -385,6 +386,15 @@ impl Session {
         let hands = self.input.wearer(now.1, floor)?;
         let gaze = || self.input.gaze(floor, now);
         self.wearer.locate(floor, now, hands, gaze)
+    }
+
+    /// Where the wearer's eyes look now, left and right, or, of a runtime that does not tell its time, when the frame is displayed; nothing of one whose gaze is not tracked. After
+    /// [`Self::controls`] of the same frame. No other tracker is started for it.
+    pub fn gazes(&mut self, frame: &Frame) -> [Option<Gaze>; 2] {
+        let now = self.clock.both_clocks(&self.instance);
+        let now = now.unwrap_or((frame.predicted, frame.time));
+        let floor = &self.space.floor;
+        (self.wearer).gazes(floor, now, || self.input.gaze(floor, now))
     }
 
     /// Waits until the device has nothing left to do for the session.

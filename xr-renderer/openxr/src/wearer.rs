@@ -98,11 +98,6 @@ impl WearerTrackers {
             || FaceTracking::new(session, system),
             |face| face.read(time),
         );
-        let gazes = self.eyes.read(
-            at,
-            || EyeTracking::new(session, system),
-            |eyes| eyes.read(floor, time).map(Some),
-        );
         Ok(Wearer {
             at,
             seconds: time.as_nanos() as f64 * 1e-9,
@@ -110,14 +105,30 @@ impl WearerTrackers {
             hands,
             body,
             face,
-            gazes: gazes.unwrap_or_else(|| {
-                let both = gaze().map(|floor_from_eye| Gaze {
-                    floor_from_eye,
-                    confidence: 1.0,
-                });
-                [both; 2]
-            }),
+            gazes: self.gazes(floor, (at, time), gaze),
             origin: self.origin,
+        })
+    }
+
+    /// Where the wearer's eyes look at that time, left and right: nothing else of them is watched. `gaze` as in [`Self::locate`].
+    pub(crate) fn gazes(
+        &mut self,
+        floor: &Space,
+        (at, time): (Instant, Time),
+        gaze: impl FnOnce() -> Option<Affine3A>,
+    ) -> [Option<Gaze>; 2] {
+        let (session, system) = (&self.session, self.system);
+        let gazes = self.eyes.read(
+            at,
+            || EyeTracking::new(session, system),
+            |eyes| eyes.read(floor, time).map(Some),
+        );
+        gazes.unwrap_or_else(|| {
+            let both = gaze().map(|floor_from_eye| Gaze {
+                floor_from_eye,
+                confidence: 1.0,
+            });
+            [both; 2]
         })
     }
 }

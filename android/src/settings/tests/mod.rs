@@ -225,6 +225,25 @@ fn every_setting_is_read_from_extras_and_from_the_file() {
 }
 
 #[test]
+fn where_the_wearer_looks_is_sent_only_where_the_file_says() {
+    let file = format!("room = \"{LINK}\"\ngaze_to = \"192.168.1.20:7215\"\n");
+    let settings = read(&[], None, Some(&file)).expect("good");
+    let screen = Some(([192, 168, 1, 20], 7215).into());
+    assert_eq!(settings.gaze_to.value, screen, "the file's");
+    // What any app may say does not get it, and does not take it away.
+    let by_app = reported(&[("gaze_to", "127.0.0.1:7215")], None, Some(&file));
+    assert!(
+        by_app.contains("gaze_to in the intent") && by_app.contains("mon3tr.toml"),
+        "{by_app}"
+    );
+    let named = file.replace("192.168.1.20", "screen");
+    let refused = reported(&[], None, Some(&named));
+    assert!(refused.contains("192.168.1.20:7215"), "{refused}");
+    let untold = read(&[("room", LINK)], None, None).expect("a room");
+    assert_eq!(untold.gaze_to.value, None, "nobody is told");
+}
+
+#[test]
 fn an_extra_comes_before_the_link_and_the_link_before_the_file() {
     let deep = "mon3tr://room/https/link.example/rooms/L#t";
     let file = "room = \"https://file.example/rooms/F#t\"\nrate = 72\nseat = true\n";

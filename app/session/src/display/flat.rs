@@ -39,6 +39,8 @@ pub struct Standpoint {
     pub heading: Quat,
     /// From the person who stands leftmost to the rightmost, metres; 0 for one.
     pub width: f32,
+    /// The place of the first person whose pose is known, apart from the viewer, or else of the viewer: world from motion space, rigid.
+    pub first: Affine3A,
 }
 
 /// A flat display's pace, people and camera.
@@ -208,6 +210,7 @@ impl<'a> FlatView<'a> {
                     floor: followed.floor,
                     heading: followed.heading,
                     width: 0.0,
+                    first: Affine3A::IDENTITY,
                 })
             }
             Arrangement::Together {
@@ -236,10 +239,15 @@ impl<'a> FlatView<'a> {
                 for (person, place) in self.world_from_person.iter().enumerate() {
                     session.lanes.place(person, *place);
                 }
+                let mut others = standing.iter().skip(session.own);
+                let first = others.position(Option::is_some);
+                let first = first.map_or(0, |first| first + session.own);
                 Some(Standpoint {
                     floor: Vec3::ZERO,
                     heading: Quat::IDENTITY,
                     width: APART * lineup.count().saturating_sub(1) as f32,
+                    first: (self.world_from_person.get(first).copied())
+                        .unwrap_or(Affine3A::IDENTITY),
                 })
             }
         }

@@ -2,6 +2,7 @@
 
 use super::figures::{HeadsetFigures, REFRESH_HZ};
 use super::frames::Frames;
+use super::gaze::GazeListener;
 use super::handle::HeadsetHandle;
 use super::observer::FrameObserver;
 use super::panel::PrivacySwitch;
@@ -26,6 +27,8 @@ pub struct PresentOptions {
     pub display_hz: Option<f32>,
     /// Where the wearer's own head and hands are put in each frame, if somebody captures them.
     pub wearer: Option<WearerSlot>,
+    /// Who is told where the wearer looks.
+    pub gaze: Option<Arc<dyn GazeListener>>,
     /// Whether others hear and see the wearer, where there are others.
     pub privacy: Option<Arc<dyn PrivacySwitch>>,
 }
@@ -108,13 +111,7 @@ impl Display for HeadsetDisplay<'_> {
             display_hz: self.options.display_hz,
         };
         let control = session.control;
-        let mut frames = Frames::new(
-            session,
-            of_open_xr,
-            self.options.wearer.clone(),
-            self.options.privacy.clone(),
-            &mut *self.observer,
-        )?;
+        let mut frames = Frames::new(session, of_open_xr, &self.options, &mut *self.observer)?;
         self.figures = std::thread::scope(|scope| {
             let thread = std::thread::Builder::new()
                 .name("headset frames".to_owned())

@@ -3,11 +3,13 @@
 //! When the runtime goes away (its service is restarted, the headset unplugged) the people stay: the headset is opened again, as
 //! often as it takes, and the calls go on meanwhile.
 
+use super::display::PresentOptions;
 use super::figures::HeadsetFigures;
+use super::gaze::{GazeListener, WearerView};
 use super::handle::open_again;
 use super::observer::{FrameCapture, FrameObserver};
 use super::pace::Pace;
-use super::panel::{PrivacySwitch, RoomPanel};
+use super::panel::RoomPanel;
 use super::surroundings::{Places, name};
 use super::wearer::WearerSlot;
 use crate::display::{LiveSession, SessionError};
@@ -19,6 +21,7 @@ use android_power::threads;
 use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::Drawn;
 use app_pipeline::profile::Percentiles;
+use renderer_openxr::ext::eye_tracking::Gaze;
 use renderer_openxr::eyes::Surround;
 use renderer_openxr::frame::{Eyes, Frame};
 use renderer_openxr::headset::{Headset, HeadsetOptions};
@@ -46,6 +49,7 @@ pub(super) struct Frames<'a> {
     observer: &'a mut dyn FrameObserver,
     session_options: SessionOptions,
     wearer: Option<WearerSlot>,
+    gaze: Option<Arc<dyn GazeListener>>,
     places: Places,
     panel: RoomPanel,
     figures: HeadsetFigures,
@@ -63,8 +67,7 @@ impl<'a> Frames<'a> {
     pub(super) fn new(
         people: LiveSession<'a>,
         session_options: SessionOptions,
-        wearer: Option<WearerSlot>,
-        privacy: Option<Arc<dyn PrivacySwitch>>,
+        options: &PresentOptions,
         observer: &'a mut dyn FrameObserver,
     ) -> Result<Self, SessionError> {
         let first = people.people.first().ok_or(SessionError::NoParticipants)?;
@@ -73,9 +76,10 @@ impl<'a> Frames<'a> {
             people,
             observer,
             session_options,
-            wearer,
+            wearer: options.wearer.clone(),
+            gaze: options.gaze.clone(),
             places: Places::default(),
-            panel: RoomPanel::new(overlay, privacy),
+            panel: RoomPanel::new(overlay, options.privacy.clone()),
             figures: HeadsetFigures::default(),
             pace: Pace::new(None),
             hints: PictureHints::new(System::here()),
@@ -265,9 +269,7 @@ impl<'a> Frames<'a> {
             session.skip(frame)?;
             return Ok(None);
         };
-        if let Some(slot) = &self.wearer {
-            slot.put(session.wearer(&frame)?);
-        }
+        let gazes = self.watch_wearer(session, &frame)?;
         self.note(&frame);
         let tick = self.pace.tick(&frame, begun);
         let has_people = match self.people.lanes.begin(tick) {
@@ -279,7 +281,7 @@ impl<'a> Frames<'a> {
         };
         let shown = self.figures.frames.shown;
         let reads = self.observer.wants_pictures(shown, has_people);
-        match self.draw(session, &eyes, &controls, reads) {
+        match self.draw(session, &eyes, gazes, &controls, reads) {
             Ok(Drawn::Picture) => {}
             Ok(Drawn::Renewed(_) | Drawn::Lost) => {
                 session.skip(frame)?;
@@ -312,11 +314,27 @@ impl<'a> Frames<'a> {
         Ok(None)
     }
 
+    /// Has the wearer watched by whoever asked for it. Returns where their eyes look, left and right, for a listener.
+    fn watch_wearer(
+        &self,
+        session: &mut Session,
+        frame: &Frame,
+    ) -> Result<[Option<Gaze>; 2], SessionError> {
+        let Some(slot) = &self.wearer else {
+            let asked = self.gaze.is_some();
+            return Ok(asked.then(|| session.gazes(frame)).unwrap_or_default());
+        };
+        let wearer = session.wearer(frame)?;
+        slot.put(wearer);
+        Ok(wearer.gazes)
+    }
+
     /// Puts all people in their places and draws them into the headset's next images, which may be read back.
     fn draw(
         &mut self,
         session: &mut Session,
         eyes: &Eyes,
+        gazes: [Option<Gaze>; 2],
         controls: &Controls,
         reads: bool,
     ) -> Result<Drawn, SessionError> {
@@ -325,6 +343,13 @@ impl<'a> Frames<'a> {
             hands: controls.hands,
         };
         self.places.update(&mut self.people, &viewer)?;
+        if let (Some(listener), Some(floor_from_person)) = (&self.gaze, self.places.of_first()) {
+            listener.looked(&WearerView {
+                floor_from_head: eyes.floor_from_head,
+                gazes,
+                floor_from_person,
+            });
+        }
         self.panel.press(controls);
         if controls.overlay_toggled {
             self.panel.toggle(session, eyes.floor_from_head)?;

@@ -6,6 +6,7 @@
 mod display;
 mod figures;
 mod frames;
+mod gaze;
 mod handle;
 mod hanging;
 mod notice;
@@ -17,6 +18,7 @@ mod wearer;
 
 pub use display::{HeadsetDisplay, PresentOptions};
 pub use figures::{FrameFigures, HeadsetFigures};
+pub use gaze::{GazeListener, WearerView};
 pub use handle::HeadsetHandle;
 pub use notice::{NoticeBoard, show_notice};
 pub use observer::{FrameCapture, FrameObserver};

@@ -39,6 +39,13 @@ impl Places {
         self.presence.forget(person.saturating_sub(people.own));
     }
 
+    /// floor_from_person of the first person whose pose is known, apart from the viewer.
+    pub(super) fn of_first(&self) -> Option<Affine3A> {
+        let own = (self.floor_from_person.len()).saturating_sub(self.standing.len());
+        let first = self.standing.iter().position(Option::is_some)?;
+        self.floor_from_person.get(own + first).copied()
+    }
+
     /// Puts all people in their places for the picture that was begun, and their shadows below them.
     pub(super) fn update(
         &mut self,

@@ -1,11 +1,12 @@
 //! What a gaze did to the camera, for reports.
 
+use super::sample::View;
 use serde::Serialize;
 
 /// How far the camera went around the person.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub(crate) struct GazeFigures {
-    /// The mouse, or the file.
+    /// The mouse, the file, or where live samples come from.
     source: String,
     /// Pictures whose camera it moved or held.
     pictures: u64,
@@ -13,6 +14,29 @@ pub(crate) struct GazeFigures {
     yaw_degrees: [f32; 2],
     /// Furthest down (negative) and up, degrees.
     pitch_degrees: [f32; 2],
+    /// Of a live source: samples that were taken, and lines that were none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    live: Option<LiveFigures>,
+    /// Where the camera stood last, if it stood where a headset's wearer did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    view: Option<ViewFigures>,
+}
+
+/// Of a live source.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+struct LiveFigures {
+    samples: u64,
+    refused: u64,
+}
+
+/// A camera of a headset's wearer, as it was last, metres in the motion space of the first person.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+struct ViewFigures {
+    /// Pictures whose camera was nearer to the wearer's than to the one without a gaze.
+    pictures: u64,
+    eye: [f32; 3],
+    /// Of length 1.
+    direction: [f32; 3],
 }
 
 impl GazeFigures {
@@ -22,6 +46,20 @@ impl GazeFigures {
             source,
             ..Self::default()
         }
+    }
+
+    /// A picture's camera was nearly a wearer's.
+    pub(super) fn note_view(&mut self, view: &View) {
+        self.view = Some(ViewFigures {
+            pictures: self.view.map_or(0, |view| view.pictures) + 1,
+            eye: view.eye.to_array(),
+            direction: view.direction.to_array(),
+        });
+    }
+
+    /// At the end: what came of a live source.
+    pub(super) fn note_live(&mut self, [samples, refused]: [u64; 2]) {
+        self.live = Some(LiveFigures { samples, refused });
     }
 
     /// One picture's camera was turned so far, radians.

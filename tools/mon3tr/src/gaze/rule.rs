@@ -7,6 +7,7 @@
 //! damped spring), which never overshoots: its answer is a weighted mean of where was looked before.
 
 use super::Place;
+use super::spring::Spring;
 use std::time::Duration;
 
 /// Furthest turns, degrees, when the viewer looks at an edge: to the sides, and up and down.
@@ -21,9 +22,8 @@ const STIFFNESS: f32 = 4.0;
 /// A camera on a spring.
 #[derive(Debug, Clone, Default)]
 pub(super) struct GazeCamera {
-    /// Radians to the right and upwards, and how fast they change.
-    angles: [f32; 2],
-    speeds: [f32; 2],
+    /// Radians to the right and upwards.
+    angles: [Spring<f32>; 2],
 }
 
 impl GazeCamera {
@@ -31,19 +31,14 @@ impl GazeCamera {
     /// and upwards, radians.
     pub(super) fn follow(&mut self, place: Option<Place>, elapsed: Duration) -> [f32; 2] {
         let wanted = place.map_or([0.0; 2], wanted);
-        let t = elapsed.as_secs_f32();
-        let decay = (-STIFFNESS * t).exp();
-        for ((angle, speed), (wanted, furthest)) in
-            (self.angles.iter_mut().zip(&mut self.speeds)).zip(wanted.into_iter().zip(FURTHEST))
+        for (angle, (wanted, furthest)) in
+            (self.angles.iter_mut()).zip(wanted.into_iter().zip(FURTHEST))
         {
-            // Exact for any step, so that a slow display does not shake it.
-            let off = *angle - wanted;
-            let pull = *speed + STIFFNESS * off;
+            angle.pull(wanted, STIFFNESS, elapsed);
             let furthest = furthest.to_radians();
-            *angle = (wanted + (off + pull * t) * decay).clamp(-furthest, furthest);
-            *speed = (*speed - STIFFNESS * pull * t) * decay;
+            angle.at = angle.at.clamp(-furthest, furthest);
         }
-        self.angles
+        self.angles.map(|angle| angle.at)
     }
 }
 

@@ -147,7 +147,7 @@ pub const ARKIT_OF_HEADSET: [(&str, &[&str]); EXPRESSION] = [
 /// Slots of `eyeLook...` of the left and of the right eye.
 const LOOKS: [[usize; 4]; 2] = [[10, 12, 14, 16], [11, 13, 15, 17]];
 /// A gaze less sure of itself than this is none.
-const LEAST_CONFIDENCE: f32 = 0.3;
+pub const LEAST_GAZE_CONFIDENCE: f32 = 0.3;
 /// Largest gaze against the head, radians: to a side, and up or down.
 const GAZE: Vec2 = Vec2::new(0.7, 0.5);
 
@@ -229,7 +229,7 @@ impl WearerExpression {
 
 /// The turn of the avatar's eye against its head.
 fn look(floor_from_view: &Affine3A, gaze: &WearerGaze) -> Option<Quat> {
-    if !(gaze.confidence >= LEAST_CONFIDENCE && gaze.floor_from_eye.is_finite()) {
+    if !(gaze.confidence >= LEAST_GAZE_CONFIDENCE && gaze.floor_from_eye.is_finite()) {
         return None;
     }
     let view_from_floor = floor_from_view.matrix3.inverse();

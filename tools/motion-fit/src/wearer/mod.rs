@@ -17,7 +17,9 @@ mod hands;
 mod sample;
 mod space;
 
-pub use expression::{ARKIT_OF_HEADSET, FACE_EXPRESSION_NAMES, WearerExpression};
+pub use expression::{
+    ARKIT_OF_HEADSET, FACE_EXPRESSION_NAMES, LEAST_GAZE_CONFIDENCE, WearerExpression,
+};
 pub use fit::{Stance, WearerFit, WearerMotion};
 pub use sample::{
     FACE_EXPRESSIONS, HAND_JOINTS, HandJoints, WEARER_JOINTS, WearerBody, WearerFace, WearerGaze,

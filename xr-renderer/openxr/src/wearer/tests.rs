@@ -414,3 +414,17 @@ fn a_face_is_asked_for_by_the_sources_that_the_headset_has() {
     assert_eq!(face.source, FaceSource::Heard, "by the microphone");
     assert!(!face.eyes_look, "which hears no eyes");
 }
+
+#[test]
+fn who_asks_for_the_gaze_alone_has_nothing_else_watched() {
+    let mut scene = Scene::new();
+    let when = (scene.now, Time::from_nanos(5));
+    let gazes = (scene.trackers).gazes(&scene.floor, when, || unreachable!("each eye is known"));
+    assert!(gazes.iter().all(Option::is_some), "{gazes:?}");
+    assert_eq!(alive(&scene.fake), 1, "the eyes");
+    for (name, [make, ..]) in EXTENSIONS {
+        let made = scene.fake.calls(make).len();
+        assert_eq!(made, usize::from(name.contains("eye")), "{name}");
+    }
+    assert_eq!(there(&scene.locate()), [true; 3], "asked for later");
+}

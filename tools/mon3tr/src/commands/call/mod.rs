@@ -91,6 +91,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let mut person = options.person.clone();
     show.sound.tell(person.voice.cancel_echo());
     show.check()?;
+    show.check_gaze_source("that is where a call's keys are typed")?;
     let (me, avatar) = options.me()?;
     let line = Line::open(&options.trust)?;
     // Not by the command line's own parser, which repeats what it refuses: it has a token.

@@ -85,8 +85,8 @@ pub struct Options {
         allow_hyphen_values = true
     )]
     view: Viewpoint,
-    /// Let the camera of the call follow a gaze: `mouse` with --display window, or a file of an eye tracker's samples, as for `receive`
-    #[arg(long, value_name = "mouse|FILE")]
+    /// Let the camera of the call follow a gaze: `mouse` with --display window, a file of an eye tracker's samples, or udp:PORT, as for `receive`
+    #[arg(long, value_name = "mouse|FILE|udp:PORT")]
     gaze: Option<GazeChoice>,
     /// Where the call is shown: offscreen, as pictures on disk; live in a window (drag to orbit, scroll to come closer, Escape to
     /// leave); or in a headset, xr: the active OpenXR runtime's, or a simulated one of a Monado that is started for it
@@ -121,6 +121,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     options.motion.check()?;
     options.scenery.check()?;
     if let Some(gaze) = &options.gaze {
+        gaze.check_no_stdin("the demo's receiver has none")?;
         // The receiver opens it for itself.
         drop(gaze.open(match options.display {
             Display::Window => Sight::Window,

@@ -82,10 +82,15 @@ pub(crate) struct ShowOptions {
     /// degrees relative to the person, e.g. 0,1.6,2:0,1.4,0:30 [default: three-quarter, and front in a call both ways]
     #[arg(long, value_name = "VIEW", allow_hyphen_values = true)]
     pub(crate) view: Option<Viewpoint>,
-    /// Let the camera follow a gaze, within 25 degrees around the person: `mouse` for the mouse in the window, or a file of an eye
-    /// tracker's samples, lines of `seconds,x,y` or {"seconds":S,"x":X,"y":Y}, seconds from the first picture, x (to the right) and y (down) from 0 to 1
-    #[arg(long, value_name = "mouse|FILE")]
+    /// Let the camera follow a gaze, within 25 degrees around the person: `mouse` for the mouse in the window, a file of an eye
+    /// tracker's samples, lines of `seconds,x,y` or {"seconds":S,"x":X,"y":Y}, seconds from the first picture, x (to the right) and y (down) from 0 to 1;
+    /// or such lines as they come, from standard input (`-`) or by UDP (`udp:PORT`, or `udp:0.0.0.0:PORT` from other machines). By UDP a headset's
+    /// --gaze-to comes as well: then the camera is where its wearer is, and looks where they look
+    #[arg(long, value_name = "mouse|FILE|-|udp:PORT")]
     gaze: Option<GazeChoice>,
+    /// With a headset: send where its wearer is and looks to the --gaze of a second screen, as JSON lines by UDP, unencrypted
+    #[arg(long, value_name = "HOST:PORT")]
+    gaze_to: Option<String>,
     #[command(flatten)]
     pub(crate) sound: SoundOptions,
     #[command(flatten)]
@@ -114,7 +119,19 @@ impl ShowOptions {
     /// If options contradict one another, or a file cannot be written.
     pub(crate) fn check(&self) -> anyhow::Result<()> {
         self.scenery.check()?;
+        if self.gaze_to.is_some() && !matches!(self.display, Display::Auto | Display::Xr) {
+            bail!(
+                "--gaze-to sends where a headset's wearer looks: give --display xr, or leave it out"
+            );
+        }
         self.sound.file().map_or(Ok(()), check_writable)
+    }
+}
+
+impl ShowOptions {
+    /// That the gaze does not come from standard input. `why` says what is there instead.
+    pub(crate) fn check_gaze_source(&self, why: &str) -> anyhow::Result<()> {
+        (self.gaze.as_ref()).map_or(Ok(()), |gaze| gaze.check_no_stdin(why))
     }
 }
 

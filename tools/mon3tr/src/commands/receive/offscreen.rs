@@ -96,12 +96,12 @@ impl PictureObserver for Pictures<'_> {
     }
 
     fn cameras(&mut self, people: &Standpoint) -> Vec<Camera> {
-        let mut viewpoint = flat::around(self.viewpoint, people, self.size);
-        if let Some(gaze) = &mut self.gaze {
-            viewpoint = gaze.follow(viewpoint, Instant::now());
-        }
+        let viewpoint = flat::around(self.viewpoint, people, self.size);
         let Size { width, height } = self.size;
-        let camera = viewpoint.camera(people.floor, people.heading, width, height);
+        let camera = match &mut self.gaze {
+            Some(gaze) => gaze.camera(viewpoint, people, self.size, Instant::now()),
+            None => viewpoint.camera(people.floor, people.heading, width, height),
+        };
         eyes(camera, self.views)
     }
 

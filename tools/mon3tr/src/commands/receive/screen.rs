@@ -19,12 +19,13 @@ use app_pipeline::quality::QualityMode;
 use app_session::call::CallEnd;
 use app_session::display::{self, OffscreenDisplay};
 use app_session::headset::{
-    HeadsetDisplay, HeadsetFigures, HeadsetHandle, PresentOptions, PrivacySwitch, WearerSlot,
+    GazeListener, HeadsetDisplay, HeadsetFigures, HeadsetHandle, PresentOptions, PrivacySwitch,
+    WearerSlot,
 };
 use app_session::participant::{CallReport, NetworkContext, Participant};
 use app_session::presence::DISTANCE;
 use app_session::session::{Session, SessionReport};
-use call_member::PrivacyButtons;
+use call_member::{GazeFeed, PrivacyButtons};
 use glam::{Quat, Vec3};
 use link_protocol::Announcement;
 use npu_runtime::Runtime;
@@ -54,6 +55,8 @@ pub(crate) enum Screen {
         runtime: Runtime,
         /// Where the wearer's head and hands go, if they are captured.
         wearer: Option<WearerSlot>,
+        /// Where it is sent where the wearer looks.
+        gaze: Option<Arc<GazeFeed>>,
     },
     Window {
         /// Until it is shown.
@@ -110,6 +113,9 @@ impl Screen {
             Display::Auto => match open_headset(options) {
                 Ok(headset) => Self::headset(options, device, headset),
                 Err(why) => {
+                    if options.gaze_to.is_some() {
+                        return Err(why.context("--gaze-to is a headset's, and there is none"));
+                    }
                     log::warn!("no headset: {why:#}");
                     let flat = Flat::open(device)?;
                     match open_events() {
@@ -144,10 +150,12 @@ impl Screen {
         if let Some(folder) = &options.out {
             make_folder(folder)?;
         }
+        let feed = options.gaze_to.as_deref().map(GazeFeed::to);
         Ok(Self::Headset {
             headset: Some(Box::new(headset)),
             runtime: device.runtime()?,
             wearer: None,
+            gaze: feed.transpose()?.map(Arc::new),
         })
     }
 
@@ -305,6 +313,7 @@ impl Screen {
                 headset,
                 runtime,
                 wearer,
+                gaze,
             } => {
                 let headset = headset.take().context("the headset was shown a session")?;
                 let scenery = options.scenery.around(None, BEFORE, Quat::IDENTITY)?;
@@ -314,6 +323,7 @@ impl Screen {
                     read_back: options.out.is_some(),
                     display_hz: None,
                     wearer: wearer.clone(),
+                    gaze: (gaze.as_ref()).map(|feed| -> Arc<dyn GazeListener> { feed.clone() }),
                     privacy: controls.map(|controls| -> Arc<dyn PrivacySwitch> {
                         Arc::new(PrivacyButtons::new(controls.privacy))
                     }),

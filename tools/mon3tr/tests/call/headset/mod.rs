@@ -3,6 +3,7 @@
 mod activity;
 mod auto;
 mod demo;
+mod gaze;
 mod life;
 mod losses;
 mod people;

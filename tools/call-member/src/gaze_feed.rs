@@ -1,0 +1,263 @@
+//! Where a headset's wearer looks, told to a second screen: a line of JSON a frame, each in a UDP datagram of its own.
+//!
+//! A line is what `--gaze` reads: `{"seconds":S,"eye":[x,y,z],"towards":[x,y,z]}`, the place between the wearer's eyes and a point a metre from it on
+//! their line of sight, metres in the motion space of the first person who is shown (y up, +z to their front). UDP, because an old gaze is worth
+//! nothing: what is lost is not sent again.
+
+use app_session::headset::{GazeListener, WearerView};
+use glam::{Affine3A, Vec3};
+use motion_fit::wearer::LEAST_GAZE_CONFIDENCE;
+use std::fmt;
+use std::io::{Cursor, ErrorKind, Write};
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs, UdpSocket};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::Instant;
+
+/// Bytes of the longest line: six coordinates within a kilometre, and a time of years.
+const LONGEST: usize = 192;
+
+/// Sends gazes to one address.
+#[derive(Debug)]
+pub struct GazeFeed {
+    socket: UdpSocket,
+    to: SocketAddr,
+    began: Instant,
+    sent: AtomicBool,
+    failed: AtomicBool,
+}
+
+/// Why gazes cannot be sent.
+#[derive(Debug, thiserror::Error)]
+pub enum GazeFeedError {
+    /// The address is none.
+    #[error("{address} is no address to send a gaze to: give one like 192.168.1.20:7215")]
+    Address {
+        /// As it was given.
+        address: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// There is no socket for it.
+    #[error("cannot send a gaze to {to}")]
+    Socket {
+        /// The address.
+        to: SocketAddr,
+        /// What the system says.
+        source: std::io::Error,
+    },
+}
+
+impl GazeFeed {
+    /// To `address`, a host and a port. Nothing is sent before a frame has a person in it.
+    ///
+    /// # Errors
+    /// If it is no address, or this machine has no way there.
+    pub fn to(address: &str) -> Result<Self, GazeFeedError> {
+        let not_one = |source| GazeFeedError::Address {
+            address: address.to_owned(),
+            source,
+        };
+        let to = address.to_socket_addrs().map_err(not_one)?.next();
+        let to = to.ok_or_else(|| not_one(ErrorKind::NotFound.into()))?;
+        let socket = || {
+            let socket = if to.is_ipv4() {
+                UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))
+            } else {
+                UdpSocket::bind((Ipv6Addr::UNSPECIFIED, 0))
+            }?;
+            socket.connect(to)?;
+            socket.set_nonblocking(true)?;
+            Ok(socket)
+        };
+        Ok(Self {
+            socket: socket().map_err(|source| GazeFeedError::Socket { to, source })?,
+            to,
+            began: Instant::now(),
+            sent: AtomicBool::new(false),
+            failed: AtomicBool::new(false),
+        })
+    }
+}
+
+impl GazeListener for GazeFeed {
+    fn looked(&self, view: &WearerView) {
+        let line = Line {
+            seconds: self.began.elapsed().as_secs_f64(),
+            sight: Sight::of(view),
+        };
+        let mut bytes = [0; LONGEST];
+        let mut to = Cursor::new(&mut bytes[..]);
+        // A place that is no number, or a million kilometres away, is none.
+        if !line.sight.is_finite() || write!(to, "{line}").is_err() {
+            return;
+        }
+        let length = usize::try_from(to.position()).unwrap_or(LONGEST);
+        match self.socket.send(bytes.get(..length).unwrap_or_default()) {
+            Ok(_) => {
+                if !self.sent.swap(true, Relaxed) {
+                    log::info!("where the wearer looks is sent to {}", self.to);
+                }
+            }
+            // So it is said that nobody listens there yet, and that the network is busy.
+            Err(error)
+                if matches!(
+                    error.kind(),
+                    ErrorKind::ConnectionRefused | ErrorKind::WouldBlock
+                ) => {}
+            Err(error) => {
+                if !self.failed.swap(true, Relaxed) {
+                    log::warn!(
+                        "where the wearer looks cannot be sent to {}: {error}",
+                        self.to
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// From where to where the wearer looks, in a person's motion space, metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Sight {
+    eye: Vec3,
+    towards: Vec3,
+}
+
+impl Sight {
+    /// Both eyes together, if one at least is surely tracked, and else as the head is turned.
+    fn of(view: &WearerView) -> Self {
+        let person_from_floor = view.floor_from_person.inverse();
+        let ahead = |pose: &Affine3A| -Vec3::from(pose.matrix3.z_axis);
+        let sure = (view.gazes.iter().flatten())
+            .filter(|gaze| gaze.confidence >= LEAST_GAZE_CONFIDENCE)
+            .map(|gaze| ahead(&gaze.floor_from_eye));
+        let eye = Vec3::from(view.floor_from_head.translation);
+        // Eyes that look opposite ways look nowhere.
+        let direction = Some(sure.sum::<Vec3>())
+            .filter(|sum| sum.length() > 0.5)
+            .unwrap_or_else(|| ahead(&view.floor_from_head))
+            .normalize_or(Vec3::NEG_Z);
+        Self {
+            eye: person_from_floor.transform_point3(eye),
+            towards: person_from_floor.transform_point3(eye + direction),
+        }
+    }
+
+    fn is_finite(&self) -> bool {
+        self.eye.is_finite() && self.towards.is_finite()
+    }
+}
+
+struct Line {
+    seconds: f64,
+    sight: Sight,
+}
+
+impl fmt::Display for Line {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [e, t] = [self.sight.eye, self.sight.towards];
+        write!(
+            f,
+            "{{\"seconds\":{:.6},\"eye\":[{:.4},{:.4},{:.4}],\"towards\":[{:.4},{:.4},{:.4}]}}",
+            self.seconds, e.x, e.y, e.z, t.x, t.y, t.z
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Quat;
+    use renderer_openxr::ext::eye_tracking::Gaze;
+    use std::f32::consts::PI;
+    use std::time::Duration;
+
+    /// A wearer at the origin who looks along -z at a person 1.6 m before them, who faces them.
+    fn view() -> WearerView {
+        WearerView {
+            floor_from_head: Affine3A::from_translation(Vec3::new(0.2, 1.6, 0.0)),
+            gazes: [None; 2],
+            floor_from_person: Affine3A::from_translation(Vec3::new(0.0, 0.0, -1.6)),
+        }
+    }
+
+    fn gaze(yaw: f32, confidence: f32) -> Option<Gaze> {
+        Some(Gaze {
+            floor_from_eye: Affine3A::from_rotation_y(yaw),
+            confidence,
+        })
+    }
+
+    fn direction(view: &WearerView) -> Vec3 {
+        let sight = Sight::of(view);
+        sight.towards - sight.eye
+    }
+
+    #[test]
+    fn the_wearer_is_told_as_the_person_sees_them() {
+        let sight = Sight::of(&view());
+        let expected = [Vec3::new(0.2, 1.6, 1.6), Vec3::new(0.2, 1.6, 0.6)];
+        assert!(sight.eye.abs_diff_eq(expected[0], 1e-5), "{sight:?}");
+        assert!(sight.towards.abs_diff_eq(expected[1], 1e-5), "{sight:?}");
+        // Of a person who has turned their back, the wearer is behind, and to the other side.
+        let turned = WearerView {
+            floor_from_person: view().floor_from_person
+                * Affine3A::from_quat(Quat::from_rotation_y(PI)),
+            ..view()
+        };
+        let eye = Sight::of(&turned).eye;
+        assert!(eye.abs_diff_eq(Vec3::new(-0.2, 1.6, -1.6), 1e-5), "{eye}");
+    }
+
+    #[test]
+    fn eyes_that_are_surely_tracked_are_followed_and_else_the_head() {
+        let with = |gazes| direction(&WearerView { gazes, ..view() });
+        let ahead = direction(&view());
+        // Turns about y to the left are positive: -x.
+        let both = with([gaze(0.3, 1.0), gaze(0.1, 0.9)]);
+        let left = (-both.x).atan2(-both.z);
+        assert!((left - 0.2).abs() < 1e-3, "the mean of both: {left}");
+        let one = with([gaze(0.3, 1.0), gaze(-1.0, LEAST_GAZE_CONFIDENCE / 2.0)]);
+        let left = (-one.x).atan2(-one.z);
+        assert!((left - 0.3).abs() < 1e-3, "the sure one: {left}");
+        for none in [[gaze(0.3, 0.0), None], [gaze(0.0, 1.0), gaze(PI, 1.0)]] {
+            assert!(with(none).abs_diff_eq(ahead, 1e-3), "{none:?}");
+        }
+    }
+
+    #[test]
+    fn each_frame_is_a_datagram_with_a_line_of_json() {
+        let screen = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port");
+        let longest = Duration::from_secs(5);
+        screen.set_read_timeout(Some(longest)).expect("a limit");
+        let feed = GazeFeed::to(&screen.local_addr().expect("bound").to_string()).expect("a way");
+        let mut last = -1.0;
+        for _ in 0..3 {
+            feed.looked(&view());
+            let mut bytes = [0; 512];
+            let length = screen.recv(&mut bytes).expect("a datagram");
+            let line: serde_json::Value = serde_json::from_slice(&bytes[..length]).expect("JSON");
+            let seconds = line["seconds"].as_f64().expect("a time");
+            assert!(seconds > last, "{line}");
+            last = seconds;
+            assert_eq!(line["eye"][2], 1.6, "{line}");
+            assert_eq!(line["towards"][2], 0.6, "{line}");
+        }
+    }
+
+    #[test]
+    fn who_is_not_there_keeps_nobody_and_far_away_is_sent_no_half_line() {
+        let nobody = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port");
+        let address = nobody.local_addr().expect("bound");
+        drop(nobody);
+        let feed = GazeFeed::to(&address.to_string()).expect("a way");
+        for x in [0.0, 1e30, f32::NAN] {
+            feed.looked(&WearerView {
+                floor_from_head: Affine3A::from_translation(Vec3::splat(x)),
+                ..view()
+            });
+        }
+        let error = GazeFeed::to("192.168.1.20").expect_err("no port");
+        assert!(error.to_string().contains("192.168.1.20:7215"), "{error}");
+    }
+}
