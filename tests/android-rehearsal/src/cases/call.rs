@@ -1,11 +1,13 @@
 //! A whole call, from a link to the sender's end.
 
 use super::{DESTRUCTION_MS, Figures, MAIN_THREAD_MS, assert_well, figure};
-use crate::environment::{Environment, opening};
+use crate::environment::{Environment, Scene, opening};
 use crate::process::{LEAVE, Process};
 use android_rehearsal::protocol::Callback;
 use anyhow::{Context, ensure};
+use serde_json::Value;
 use std::fs;
+use std::net::UdpSocket;
 use std::thread::sleep;
 use std::time::Duration;
 use synthetic_person::PuppetSize;
@@ -23,13 +25,43 @@ pub(super) fn shows_people(process: &mut Process) -> anyhow::Result<()> {
     })
 }
 
+/// A second screen that `mon3tr.toml` has the app send the wearer's gaze to.
+struct SecondScreen(UdpSocket);
+
+impl SecondScreen {
+    fn of(scene: &Scene<'_>) -> anyhow::Result<Self> {
+        let socket = UdpSocket::bind(("127.0.0.1", 0)).context("no port")?;
+        socket.set_read_timeout(Some(Duration::from_secs(30)))?;
+        let line = format!("gaze_to = \"{}\"\n", socket.local_addr()?);
+        fs::create_dir_all(scene.external())?;
+        fs::write(scene.external().join("mon3tr.toml"), line)?;
+        Ok(Self(socket))
+    }
+
+    /// Waits for a gaze, and checks that the wearer stands before the person, whom their head is turned to.
+    fn sees(&self) -> anyhow::Result<()> {
+        let mut line = [0; 512];
+        let length = self.0.recv(&mut line).context("no gaze came")?;
+        let line: Value = serde_json::from_slice(&line[..length]).context("no line of gaze")?;
+        let metres = |name: &str, axis: usize| line[name][axis].as_f64().unwrap_or(f64::NAN);
+        let (far, towards) = (metres("eye", 2), metres("towards", 2));
+        ensure!(
+            (1.2..2.0).contains(&far) && (far - towards - 1.0).abs() < 0.05,
+            "the wearer is not before the person: {line}"
+        );
+        Ok(())
+    }
+}
+
 pub(super) fn perform(environment: &Environment, name: &str) -> anyhow::Result<Figures> {
     let scene = environment.scene(name, Compositor::Null)?;
     let server = scene.server(PuppetSize::FULL)?;
     let mut sender = scene.sender(&server);
+    let screen = SecondScreen::of(&scene)?;
     let mut process = scene.process()?;
     let activity = process.launch(opening(&sender.viewers))?;
     shows_people(&mut process)?;
+    screen.sees()?;
     let package = fs::read_dir(scene.folder.join("internal/packages"))
         .context("no folder of packages")?
         .filter_map(Result::ok)

@@ -144,6 +144,11 @@ fn intents(address: &str) -> Vec<(&'static str, &'static str, Intent)> {
             extra("profile", Extra::Text("-5".to_owned())),
         ),
         (
+            "a second screen of another app's",
+            "gaze_to in the intent",
+            extra("gaze_to", Extra::Text(address.to_owned())),
+        ),
+        (
             "a thousand extras",
             "`launcher.63` is no setting",
             Intent {
