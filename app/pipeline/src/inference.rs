@@ -206,11 +206,7 @@ impl Inference {
         if self.fault.0.swap(false, Relaxed) {
             return Err(ReceiverError::Struck);
         }
-        let seen = self.session.input_mut(MOTION);
-        seen.copy_from_slice(motion.values());
-        if let Some(range) = &self.avatar.pose_range {
-            range.clamp(seen);
-        }
+        (self.avatar).networks_see(motion, self.session.input_mut(MOTION));
         if self.graph != GraphParts::Networks {
             self.session
                 .input_mut(SKINNING)

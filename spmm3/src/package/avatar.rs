@@ -10,8 +10,8 @@ use super::members::{self, MEMBERS};
 use super::signed::{self, SIGNATURE};
 use crate::networks::CompiledGraph;
 use crate::{
-    BoundGaussians, Controllers, ExpressionBasis, Expressions, Importance, KeptLevel, PoseRange,
-    Skeleton, Template,
+    BoundGaussians, Controllers, ExpressionBasis, Expressions, Importance, KeptLevel, MotionParams,
+    PoseRange, Skeleton, Template,
 };
 use identity::PublicKey;
 use std::fs::File;
@@ -64,6 +64,17 @@ impl Avatar {
     pub fn quantised(mut self) -> Self {
         self.gaussians = self.gaussians.quantised();
         self
+    }
+
+    /// What the networks see of a motion, into `seen`: its P (`[215]`), clamped to the poses that they have learnt from, where the builder states them.
+    ///
+    /// # Panics
+    /// If `seen` has another length.
+    pub fn networks_see(&self, motion: &MotionParams, seen: &mut [f32]) {
+        seen.copy_from_slice(motion.values());
+        if let Some(range) = &self.pose_range {
+            range.clamp(seen);
+        }
     }
 
     /// Which Gaussians to leave out last: as the package says, else the larger and the less transparent ones.

@@ -26,7 +26,7 @@ pub(super) enum DeviceInput {
     Posed {
         posed: Reader<Posed>,
         avatar: Arc<Avatar>,
-        /// The networks' input, while it is clamped to what they have learnt from.
+        /// What the networks see of it.
         seen: Vec<f32>,
     },
 }
@@ -37,7 +37,7 @@ impl DeviceInput {
         Self::Posed {
             posed,
             avatar: Arc::clone(avatar),
-            seen: Vec::with_capacity(PARAMS),
+            seen: vec![0.0; PARAMS],
         }
     }
 
@@ -61,11 +61,7 @@ impl DeviceInput {
                 seen,
             } => {
                 let posed = posed.taken();
-                seen.clear();
-                seen.extend_from_slice(posed.pose.motion.values());
-                if let Some(range) = &avatar.pose_range {
-                    range.clamp(seen);
-                }
+                avatar.networks_see(&posed.pose.motion, seen);
                 (posed, Deformation::Parameters(seen))
             }
         }

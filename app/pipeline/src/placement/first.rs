@@ -7,6 +7,7 @@ use crate::plan::{PlacementRequest, Plan};
 use crate::posing::{bound_mesh, bound_mesh_with_networks};
 use renderer_splat::camera::Camera;
 use renderer_splat::options::RendererOptions;
+use renderer_splat::posing::BoundMesh;
 use renderer_splat::renderer::SplatRenderer;
 use renderer_vulkan::gpu::Gpu;
 use spmm3::Avatar;
@@ -26,14 +27,14 @@ pub fn place_first(
     request: PlacementRequest,
     control: &Control,
 ) -> Result<(Placed, SplatRenderer), ReceiverError> {
-    let mesh = match request.plan {
-        _ if request.for_several => None,
-        None | Some(Plan::GpuAlone) => Some(Arc::new(bound_mesh_with_networks(avatar)?)),
-        Some(Plan::Gpu) => Some(Arc::new(bound_mesh(avatar)?)),
-        Some(Plan::Npu | Plan::CpuTail | Plan::Cpu) => None,
-    };
+    // Where it is open, the device may have to do the most that there is.
+    let most = request.plan.unwrap_or(Plan::GpuAlone);
     let options = RendererOptions {
-        mesh,
+        mesh: if request.for_several {
+            None
+        } else {
+            mesh_for(most, avatar)?
+        },
         interrupt: Some(control.interrupt()),
         ..options
     };
@@ -43,15 +44,9 @@ pub fn place_first(
     let mut renderer = control.on_gpu(|| new(&options))?;
     let placed = place(backends, avatar, &mut renderer, cameras, request, control)?;
     // 10 MB of the device's memory for networks, 20 for the rest, that are not used.
-    let left = match (placed.plan, options.mesh.as_ref()) {
-        (Plan::GpuAlone, _) | (_, None) => None,
-        (Plan::Gpu, Some(mesh)) if mesh.parameters().is_none() => None,
-        (Plan::Gpu, Some(_)) => Some(Some(Arc::new(bound_mesh(avatar)?))),
-        (Plan::Npu | Plan::CpuTail | Plan::Cpu, Some(_)) => Some(None),
-    };
-    if let Some(mesh) = left {
+    if options.mesh.is_some() && placed.plan != most {
         let options = RendererOptions {
-            mesh,
+            mesh: mesh_for(placed.plan, avatar)?,
             // The faster one has been found, but for a headset's images, into which each has a way of its own.
             back_end: if gpu.belongs_to_headset() {
                 options.back_end
@@ -66,4 +61,13 @@ pub fn place_first(
         })?;
     }
     Ok((placed, renderer))
+}
+
+/// What a device needs of `avatar` to pose it by `plan`; nothing where it does not pose.
+fn mesh_for(plan: Plan, avatar: &Avatar) -> Result<Option<Arc<BoundMesh>>, ReceiverError> {
+    Ok(match plan {
+        Plan::GpuAlone => Some(Arc::new(bound_mesh_with_networks(avatar)?)),
+        Plan::Gpu => Some(Arc::new(bound_mesh(avatar)?)),
+        Plan::Npu | Plan::CpuTail | Plan::Cpu => None,
+    })
 }

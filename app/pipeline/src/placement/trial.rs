@@ -1,36 +1,23 @@
 //! The short timed warm-up at the start: every placement that can be had runs a few frames, and the fastest goes on.
 
-use super::choice::{PREFERRED, contenders, named};
-use super::{Alternative, StageCosts, choose, predicted_picture_ms};
+use super::canvas::{Canvas, FRAMES, LONG_ENOUGH};
+use super::choice::{PREFERRED, contenders};
+use super::{Alternative, PlacementReport, StageCosts, choose, predicted_picture_ms};
 use crate::compiled_sources::CompiledSources;
 use crate::control::Control;
 use crate::deform::Deformer;
 use crate::error::ReceiverError;
-use crate::inference::{Inference, ProviderChange};
+use crate::inference::Inference;
 use crate::plan::{PlacementRequest, Plan, unit_of};
 use crate::pool::in_own_pool;
-use crate::posing::computed;
-use crate::profile::{Percentiles, Profile, StageSummary};
+use crate::profile::{Profile, StageSummary};
 use crate::stage::{Stage, Unit};
-use app_kernels::Blend;
-use app_kernels::state::GaussianState;
-use npu_runtime::{Availability, Landing, Origin, Provider, ProviderKind, Runtime};
+use npu_runtime::{Provider, ProviderKind, Runtime};
 use renderer_splat::camera::Camera;
-use renderer_splat::drawing::{Drawing, Foreground, Part};
-use renderer_splat::error::RenderError;
-use renderer_splat::motion_bound::MotionBound;
-use renderer_splat::posing::{Deformation, PosedInput, StateId};
 use renderer_splat::renderer::SplatRenderer;
-use renderer_splat::slot::ForegroundSlot;
-use serde::Serialize;
-use spmm3::{Avatar, MotionParams, SkinningTransforms, at_ease};
+use spmm3::{Avatar, at_ease};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-
-/// Frames of each placement that are timed, after one that is not.
-const FRAMES: usize = 5;
-/// No more frames once they took so long together: one frame on an emulated NPU may take half a minute.
-const LONG_ENOUGH: Duration = Duration::from_secs(1);
 
 /// What a machine offers to choose from.
 #[derive(Debug, Clone, Copy)]
@@ -41,90 +28,6 @@ pub struct InferenceBackends<'a> {
     pub threads: usize,
     /// From where compiled graphs are taken.
     pub compiled: &'a CompiledSources,
-}
-
-/// What was asked for, what was granted, and why.
-#[derive(Debug, Clone, Serialize)]
-pub struct PlacementReport {
-    /// As it was asked for.
-    pub requested: String,
-    /// How stages are divided now.
-    pub plan: Plan,
-    /// What runs the graph now; nothing where the device runs the networks.
-    pub provider: Option<Provider>,
-    /// The unit of every stage.
-    pub units: Vec<(Stage, Unit)>,
-    /// Why, in a sentence.
-    pub reason: String,
-    /// All that was to choose from.
-    pub alternatives: Vec<Alternative>,
-    /// Which providers there are here, and why not others.
-    pub providers: Vec<Availability>,
-    /// Where the graph's nodes landed ...
-    pub landing: Option<Landing>,
-    /// ... and which form of the graph runs.
-    pub graph: Option<Origin>,
-    /// Providers that were given up during the call.
-    pub changes: Vec<ProviderChange>,
-}
-
-impl PlacementReport {
-    /// Takes note of what became of providers: the newest is what runs the graph now.
-    pub fn follow(&mut self, changes: Vec<ProviderChange>) {
-        if let Some(last) = changes.last() {
-            self.provider = Some(last.to);
-            self.landing = Some(last.landing.clone());
-            self.graph = Some(last.graph);
-        }
-        self.changes = changes;
-        let now = self.units();
-        for ((_, unit), now) in self.units.iter_mut().zip(now) {
-            *unit = now;
-        }
-    }
-
-    /// The plan and what runs its graph, as tables name them.
-    #[must_use]
-    pub fn name(&self) -> String {
-        named(self.plan, self.provider)
-    }
-
-    /// Whether `alternative` is what was granted.
-    #[must_use]
-    pub fn is_chosen(&self, alternative: &Alternative) -> bool {
-        (alternative.plan, alternative.provider) == (self.plan, self.provider.map(Provider::kind))
-    }
-
-    /// The unit of every stage, in the order of [`Stage::ALL`].
-    #[must_use]
-    pub fn units(&self) -> [Unit; Stage::ALL.len()] {
-        let inference = (self.provider).map_or(Unit::Gpu, |provider| unit_of(provider.kind()));
-        Stage::ALL.map(|stage| self.plan.unit(stage, inference))
-    }
-
-    /// How long the graph took when it was tried.
-    #[must_use]
-    pub fn inference(&self) -> Option<Duration> {
-        Duration::try_from_secs_f64(self.costs()?.inference * 1e-3).ok()
-    }
-
-    /// How long the GPU was at a picture at full quality when this placement was tried.
-    #[must_use]
-    pub fn picture(&self) -> Option<Duration> {
-        let costs = self.costs()?;
-        let posing = if self.plan.poses_on_device() {
-            costs.interpolate
-        } else {
-            0.0
-        };
-        Duration::try_from_secs_f64((posing + costs.draw) * 1e-3).ok()
-    }
-
-    fn costs(&self) -> Option<StageCosts> {
-        (self.alternatives.iter())
-            .find(|alternative| self.is_chosen(alternative))?
-            .costs
-    }
 }
 
 /// A placement and the session it rests on.
@@ -188,83 +91,49 @@ fn place_here(
     let mut alternatives = Vec::new();
     let mut open = Vec::new();
     let mut last_error = None;
-    for availability in &found {
-        let kind = availability.provider;
-        let not_to_be_tried = availability
-            .lacking
-            .clone()
-            .or_else(|| not_asked_for(request, kind));
-        for plan in Plan::ALL.into_iter().filter(|plan| plan.graph().is_some()) {
-            let mut alternative = Alternative {
-                plan,
-                provider: Some(kind),
-                unit: unit_of(kind),
-                costs: None,
-                predicted_ms: None,
-                refused: not_to_be_tried
-                    .clone()
-                    .or_else(|| plan_not_asked_for(request, plan, Some(kind))),
-            };
-            let mut kept = None;
-            if alternative.refused.is_none() {
-                match try_one(
-                    backends,
-                    avatar,
-                    plan,
-                    kind.with_threads(backends.threads),
-                    &mut canvas,
-                ) {
-                    Ok((costs, inference)) => {
-                        let ms = predicted_picture_ms(plan, Some(kind), &costs, gpu_is_cpu);
-                        alternative.costs = Some(costs);
-                        alternative.predicted_ms = Some(ms);
-                        kept = Some(inference);
-                    }
-                    // A cancelled load is no refusal.
-                    Err(_) if control.is_leaving() => return Err(ReceiverError::Left),
-                    Err(error) => {
-                        alternative.refused = Some(error.in_full());
-                        last_error = Some(error);
-                    }
+    let with_graph = (found.iter()).flat_map(|availability| {
+        let plans = Plan::ALL.into_iter().filter(|plan| plan.graph().is_some());
+        plans.map(move |plan| (plan, Some(availability)))
+    });
+    for (plan, availability) in with_graph.chain([(Plan::GpuAlone, None)]) {
+        let kind = availability.map(|availability| availability.provider);
+        let mut alternative = Alternative {
+            plan,
+            provider: kind,
+            unit: kind.map_or(Unit::Gpu, unit_of),
+            costs: None,
+            predicted_ms: None,
+            refused: (availability.and_then(|availability| availability.lacking.clone()))
+                .or_else(|| not_asked_for(request, plan, kind)),
+        };
+        let mut kept = None;
+        if alternative.refused.is_none() {
+            let provider = kind.map(|kind| kind.with_threads(backends.threads));
+            match try_one(backends, avatar, plan, provider, &mut canvas) {
+                Ok((costs, inference)) => {
+                    let ms = predicted_picture_ms(plan, kind, &costs, gpu_is_cpu);
+                    alternative.costs = Some(costs);
+                    alternative.predicted_ms = Some(ms);
+                    kept = inference;
                 }
-            }
-            alternatives.push(alternative);
-            open.push(kept);
-            // The memory of the sessions that can no longer be chosen is wanted.
-            let contenders = contenders(&alternatives);
-            for (at, session) in open.iter_mut().enumerate() {
-                if !contenders.contains(&Some(at)) {
-                    *session = None;
+                // A cancelled load is no refusal.
+                Err(_) if control.is_leaving() => return Err(ReceiverError::Left),
+                Err(error) => {
+                    alternative.refused = Some(error.in_full());
+                    last_error = Some(error);
                 }
             }
         }
-    }
-    let mut alone = Alternative {
-        plan: Plan::GpuAlone,
-        provider: None,
-        unit: Unit::Gpu,
-        costs: None,
-        predicted_ms: None,
-        refused: (request.provider)
-            .map(|_| "not asked for".into())
-            .or_else(|| plan_not_asked_for(request, Plan::GpuAlone, None)),
-    };
-    if alone.refused.is_none() {
-        match canvas.try_on_device(avatar, None) {
-            Ok(costs) => {
-                let ms = predicted_picture_ms(alone.plan, None, &costs, gpu_is_cpu);
-                alone.costs = Some(costs);
-                alone.predicted_ms = Some(ms);
-            }
-            Err(_) if control.is_leaving() => return Err(ReceiverError::Left),
-            Err(error) => {
-                alone.refused = Some(error.in_full());
-                last_error = Some(error);
+        alternatives.push(alternative);
+        open.push(kept);
+        // The memory of the sessions that can no longer be chosen is wanted.
+        let contenders = contenders(&alternatives);
+        for (at, session) in open.iter_mut().enumerate() {
+            if !contenders.contains(&Some(at)) {
+                *session = None;
             }
         }
     }
-    alternatives.push(alone);
-    open.push(None);
     let Some(at) = choose(&alternatives) else {
         return Err(last_error.unwrap_or(ReceiverError::NoProvider));
     };
@@ -324,35 +193,33 @@ fn fall_back(
     }
 }
 
-fn not_asked_for(request: PlacementRequest, kind: ProviderKind) -> Option<String> {
-    match request.provider {
-        Some(asked) if asked == kind => None,
-        Some(_) => Some("not asked for".into()),
-        // Its times say nothing, and compiling for it takes half a minute.
-        None if kind == ProviderKind::Qnn && cfg!(not(target_os = "android")) => {
-            Some("an emulation here: only where npu=qnn asks for it".into())
-        }
-        None => None,
-    }
-}
-
-fn plan_not_asked_for(
+/// Why a placement is not tried, as far as the request says.
+fn not_asked_for(
     request: PlacementRequest,
     plan: Plan,
     kind: Option<ProviderKind>,
 ) -> Option<String> {
-    match request.plan {
-        _ if request.for_several && plan.poses_on_device() => {
-            Some("the device poses one person only, and here people come and go".into())
-        }
-        Some(asked) if asked == plan => None,
-        Some(_) => Some("not asked for".into()),
+    let is_other_provider = request.provider.is_some_and(|asked| kind != Some(asked));
+    let is_other_plan = request.plan.is_some_and(|asked| asked != plan);
+    let why = if is_other_provider {
+        "not asked for"
+    } else if kind == Some(ProviderKind::Qnn)
+        && request.provider.is_none()
+        && cfg!(not(target_os = "android"))
+    {
+        // Its times say nothing, and compiling for it takes half a minute.
+        "an emulation here: only where npu=qnn asks for it"
+    } else if request.for_several && plan.poses_on_device() {
+        "the device poses one person only, and here people come and go"
+    } else if is_other_plan {
+        "not asked for"
+    } else if kind == Some(ProviderKind::Qnn) && request.plan.is_none() && plan != Plan::Npu {
         // Compiled anew for each.
-        None if kind == Some(ProviderKind::Qnn) && plan != Plan::Npu => {
-            Some("the NPU takes the whole graph".into())
-        }
-        None => None,
-    }
+        "the NPU takes the whole graph"
+    } else {
+        return None;
+    };
+    Some(why.into())
 }
 
 fn reason(chosen: &Alternative, alternatives: &[Alternative]) -> String {
@@ -387,12 +254,14 @@ fn try_one(
     backends: &InferenceBackends<'_>,
     avatar: &Arc<Avatar>,
     plan: Plan,
-    provider: Provider,
+    provider: Option<Provider>,
     canvas: &mut Canvas<'_>,
-) -> Result<(StageCosts, Inference), ReceiverError> {
+) -> Result<(StageCosts, Option<Inference>), ReceiverError> {
     let control = canvas.control;
     control.checkpoint()?;
-    let graph = plan.graph().ok_or(ReceiverError::NoProvider)?;
+    let (Some(graph), Some(provider)) = (plan.graph(), provider) else {
+        return Ok((canvas.try_on_device(avatar, None)?, None));
+    };
     let mut inference = Inference::open(
         backends.runtime,
         avatar,
@@ -402,7 +271,7 @@ fn try_one(
     )?;
     if plan.poses_on_device() {
         let costs = canvas.try_on_device(avatar, Some(&mut inference))?;
-        return Ok((costs, inference));
+        return Ok((costs, Some(inference)));
     }
     let mut deformer = Deformer::new(avatar, inference, plan)?;
     let mut profile = Profile::default();
@@ -431,156 +300,5 @@ fn try_one(
         interpolate,
         draw,
     };
-    Ok((costs, deformer.into_inference()))
-}
-
-/// What states are drawn on, to time what every placement has in common.
-struct Canvas<'a> {
-    renderer: &'a mut SplatRenderer,
-    cameras: &'a [Camera],
-    control: &'a Control,
-    pose: MotionParams,
-    /// Interpolation and drawing, ms, once they were measured.
-    times: Option<(f64, f64)>,
-}
-
-impl Canvas<'_> {
-    fn times(&mut self, state: &GaussianState) -> Result<(f64, f64), ReceiverError> {
-        if let Some(times) = self.times {
-            return Ok(times);
-        }
-        let control = self.control;
-        let room = || -> Result<_, ReceiverError> { Ok(self.renderer.foreground_slot()?) };
-        let mut slot = control.on_gpu(room)?;
-        let (mut interpolate, mut draw) = (Vec::new(), Vec::new());
-        let (mut spent, mut is_warm) = (Duration::ZERO, false);
-        while draw.len() < FRAMES && spent <= LONG_ENOUGH {
-            let [packing, drawing] = control.on_gpu(|| self.draw_state(&mut slot, state))?;
-            if is_warm {
-                interpolate.push(ms(packing));
-                draw.push(ms(drawing));
-                spent += packing + drawing;
-            }
-            is_warm = self.is_warm();
-        }
-        let step = control.step();
-        drop(slot);
-        drop(step);
-        let times = (median(&interpolate), median(&draw));
-        self.times = Some(times);
-        Ok(times)
-    }
-
-    /// The first picture is drawn several times, to compare the renderer's back ends; where a pause interrupted that, so is the next.
-    fn is_warm(&self) -> bool {
-        !self.renderer.is_comparing()
-    }
-
-    /// Draws one picture of a state: how long packing it took, and drawing.
-    fn draw_state(
-        &mut self,
-        slot: &mut ForegroundSlot,
-        state: &GaussianState,
-    ) -> Result<[Duration; 2], ReceiverError> {
-        let started = Instant::now();
-        let count = u32::try_from(state.len()).unwrap_or(u32::MAX);
-        let gaussians = slot.gaussians_mut().get_mut(..state.len());
-        let blend = Blend::new(state, state, 0.5)?;
-        blend.pack(0..state.len(), gaussians.unwrap_or_default())?;
-        slot.set(count, MotionBound::new())?;
-        let packed = Instant::now();
-        let parts = [Part::here(Foreground::Slot(slot))];
-        not_too_costly(self.renderer.draw_with(&Drawing::new(self.cameras, &parts)))?;
-        Ok([packed - started, packed.elapsed()])
-    }
-
-    /// Times what the device does of a frame, between two states of one pose: with the networks, unless `inference` runs them.
-    fn try_on_device(
-        &mut self,
-        avatar: &Avatar,
-        mut inference: Option<&mut Inference>,
-    ) -> Result<StageCosts, ReceiverError> {
-        let control = self.control;
-        let pose = self.pose.clone();
-        let mut skinning = SkinningTransforms::default();
-        let joints = avatar.skeleton.pose(&pose);
-        avatar.skeleton.skinning(&joints, &mut skinning);
-        let mut outputs = (inference.as_ref())
-            .map(|inference| inference.outputs())
-            .transpose()?;
-        let (mut infer, mut bind, mut interpolate, mut draw) = (vec![], vec![], vec![], vec![]);
-        let mut before: Option<StateId> = None;
-        let (mut spent, mut is_warm) = (Duration::ZERO, false);
-        while draw.len() < FRAMES && spent <= LONG_ENOUGH {
-            control.checkpoint()?;
-            let started = Instant::now();
-            let deformation = match (&mut inference, &mut outputs) {
-                (Some(inference), Some(outputs)) => {
-                    inference.run(&pose, &skinning, outputs)?;
-                    computed(outputs)
-                }
-                // At ease, within every avatar's range of poses.
-                _ => Deformation::Parameters(pose.values()),
-            };
-            let inferred = started.elapsed();
-            let input = PosedInput {
-                deformation,
-                skinning: &skinning.0,
-                root: pose.root_translation.to_array(),
-            };
-            let drawing = control.on_gpu(|| self.draw_posed(&input, &mut before))?;
-            if is_warm {
-                let times = self.renderer.stage_times();
-                infer.push(ms(inferred) + times.networks);
-                bind.push(times.skin + times.attributes);
-                interpolate.push(times.interpolate);
-                draw.push(ms(drawing) - times.posing());
-                spent += drawing;
-            }
-            is_warm = self.is_warm();
-        }
-        Ok(StageCosts {
-            inference: median(&infer),
-            bind: median(&bind),
-            interpolate: median(&interpolate),
-            draw: median(&draw),
-        })
-    }
-
-    /// Draws one picture half way from the pose before to this one: how long that took.
-    fn draw_posed(
-        &mut self,
-        input: &PosedInput<'_>,
-        before: &mut Option<StateId>,
-    ) -> Result<Duration, ReceiverError> {
-        let to = self.renderer.push_state(input)?;
-        let foreground = Foreground::Posed {
-            from: before.replace(to).unwrap_or(to),
-            to,
-            share: 0.5,
-            level: 0,
-        };
-        let handed = Instant::now();
-        not_too_costly(
-            self.renderer
-                .draw_with(&Drawing::new(self.cameras, &[Part::here(foreground)])),
-        )?;
-        Ok(handed.elapsed())
-    }
-}
-
-/// Where a person's Gaussians cover too many tiles, nothing was drawn, for any placement: that is looked after when they are shown.
-fn not_too_costly(drawn: Result<(), RenderError>) -> Result<(), RenderError> {
-    match drawn {
-        Err(error) if error.costly_part().is_some() => Ok(()),
-        drawn => drawn,
-    }
-}
-
-fn median(times: &[f64]) -> f64 {
-    Percentiles::of(times).map_or(0.0, |times| times.p50_ms)
-}
-
-fn ms(time: Duration) -> f64 {
-    time.as_secs_f64() * 1e3
+    Ok((costs, Some(deformer.into_inference())))
 }

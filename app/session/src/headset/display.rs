@@ -2,36 +2,16 @@
 
 use super::figures::{HeadsetFigures, REFRESH_HZ};
 use super::frames::Frames;
-use super::gaze::GazeListener;
 use super::handle::HeadsetHandle;
 use super::observer::FrameObserver;
-use super::panel::PrivacySwitch;
-use super::wearer::WearerSlot;
+use super::options::PresentOptions;
 use crate::display::{Display, DisplayNeeds, LiveSession, SessionError};
 use glam::Vec3;
 use renderer_openxr::session::SessionOptions;
-use renderer_splat::background::Background;
 use renderer_splat::camera::Camera;
 use renderer_splat::options::{Filter, RendererOptions};
 use std::sync::Arc;
 use std::time::Duration;
-
-/// How people are shown in a headset.
-#[derive(Debug, Clone, Default)]
-pub struct PresentOptions {
-    /// What stands around them, and how it is filtered; without it the viewer's own room, or a studio.
-    pub scene: Option<(Arc<Background>, Filter)>,
-    /// Whether eyes' pictures will be read back.
-    pub read_back: bool,
-    /// The display's rate that is asked for, and kept, Hz; without it 72, and more where frames keep up.
-    pub display_hz: Option<f32>,
-    /// Where the wearer's own head and hands are put in each frame, if somebody captures them.
-    pub wearer: Option<WearerSlot>,
-    /// Who is told where the wearer looks.
-    pub gaze: Option<Arc<dyn GazeListener>>,
-    /// Whether others hear and see the wearer, where there are others.
-    pub privacy: Option<Arc<dyn PrivacySwitch>>,
-}
 
 /// Shows a session in a headset.
 pub struct HeadsetDisplay<'a> {

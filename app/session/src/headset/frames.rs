@@ -3,11 +3,11 @@
 //! When the runtime goes away (its service is restarted, the headset unplugged) the people stay: the headset is opened again, as
 //! often as it takes, and the calls go on meanwhile.
 
-use super::display::PresentOptions;
 use super::figures::HeadsetFigures;
 use super::gaze::{GazeListener, WearerView};
 use super::handle::open_again;
 use super::observer::{FrameCapture, FrameObserver};
+use super::options::PresentOptions;
 use super::pace::Pace;
 use super::panel::RoomPanel;
 use super::surroundings::{Places, name};
@@ -321,8 +321,10 @@ impl<'a> Frames<'a> {
         frame: &Frame,
     ) -> Result<[Option<Gaze>; 2], SessionError> {
         let Some(slot) = &self.wearer else {
-            let asked = self.gaze.is_some();
-            return Ok(asked.then(|| session.gazes(frame)).unwrap_or_default());
+            return Ok(match &self.gaze {
+                Some(_) => session.gazes(frame),
+                None => [None; 2],
+            });
         };
         let wearer = session.wearer(frame)?;
         slot.put(wearer);

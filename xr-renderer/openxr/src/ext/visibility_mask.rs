@@ -32,7 +32,8 @@ enum Wrong {
     NotTriangles { indices: u32 },
     NoSuchCorner { index: u32 },
     NotFinite,
-    Hides { share: f64 },
+    HidesMost { share: f64 },
+    HidesAhead,
 }
 
 impl fmt::Display for Wrong {
@@ -47,11 +48,10 @@ impl fmt::Display for Wrong {
             }
             Self::NoSuchCorner { index } => write!(f, "it has no corner {index}"),
             Self::NotFinite => f.write_str("a corner is infinite or no number"),
-            Self::Hides { share } => write!(
-                f,
-                "it shows {:.0} % of the picture, or not its middle",
-                share * 100.0
-            ),
+            Self::HidesMost { share } => {
+                write!(f, "it shows {:.0} % of the picture", share * 100.0)
+            }
+            Self::HidesAhead => f.write_str("it hides what is straight ahead"),
         }
     }
 }
@@ -127,11 +127,10 @@ impl VisibilityMask {
             let Some(triangles) = mesh else { continue };
             *tiles = VisibleTiles::behind(camera, triangles.iter().copied());
         }
-        let believable = |(tiles, camera)| is_believable(tiles, camera);
-        if let Some(hides) = tiles.iter().zip(&cameras).find(|at| !believable(*at)) {
-            let share = hides.0.share();
+        let mut eyes = tiles.iter().zip(&cameras);
+        if let Err(wrong) = eyes.try_for_each(|(tiles, camera)| believe(tiles, camera)) {
             self.meshes = [None, None];
-            self.warn(Wrong::Hides { share });
+            self.warn(wrong);
             return;
         }
         let shares = tiles.each_ref().map(VisibleTiles::share);
@@ -160,8 +159,12 @@ impl VisibilityMask {
     }
 }
 
-/// Whether a lens can be like that: it shows half of the picture, and what is straight ahead.
-fn is_believable(tiles: &VisibleTiles, camera: &Camera) -> bool {
+/// Refuses what no lens is like: each shows half of the picture, and what is straight ahead.
+fn believe(tiles: &VisibleTiles, camera: &Camera) -> Result<(), Wrong> {
+    let share = tiles.share();
+    if share < LEAST_SHARE {
+        return Err(Wrong::HidesMost { share });
+    }
     let tile = shaders_spirv::TILE_PIXELS as f32;
     #[expect(
         clippy::cast_possible_truncation,
@@ -174,7 +177,10 @@ fn is_believable(tiles: &VisibleTiles, camera: &Camera) -> bool {
         .is_some_and(|columns| columns.contains(&column));
     let axis_is_drawn = (0.0..camera.width as f32).contains(&camera.cx)
         && (0.0..camera.height as f32).contains(&camera.cy);
-    tiles.share() >= LEAST_SHARE && (shows_axis || !axis_is_drawn)
+    if axis_is_drawn && !shows_axis {
+        return Err(Wrong::HidesAhead);
+    }
+    Ok(())
 }
 
 /// The triangles that a view's lens hides; none where the runtime has no mask for it.
