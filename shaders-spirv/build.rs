@@ -13,7 +13,7 @@ use glslang::{
     SourceLanguage, SpirvVersion, Target, VulkanVersion,
 };
 
-include!("src/alpha_cut.rs");
+include!("src/shared.rs");
 
 const FOLDER: &str = "shaders";
 /// In a shader that Vulkan 1.1 cannot run.
@@ -21,7 +21,7 @@ const VULKAN_1_2: &str = "#pragma vulkan_1_2";
 
 fn main() {
     println!("cargo:rerun-if-changed={FOLDER}");
-    println!("cargo:rerun-if-changed=src/alpha_cut.rs");
+    println!("cargo:rerun-if-changed=src/shared.rs");
     match build() {
         Ok(()) => {}
         Err(message) => {
@@ -99,9 +99,14 @@ fn compile(path: &Path, stage: ShaderStage) -> Result<Vec<u32>, String> {
     let mut includes = Includes;
     let cut = format!("{ALPHA_CUT:?}");
     let log2_cut = format!("({:?})", f64::from(ALPHA_CUT).log2());
+    let [tile, crowded, items_per_part] =
+        [TILE_PIXELS, CROWDED, ITEMS_PER_PART].map(|number| format!("{number}u"));
     let definitions = [
         ("ALPHA_CUT", Some(cut.as_str())),
         ("LOG2_ALPHA_CUT", Some(log2_cut.as_str())),
+        ("TILE", Some(tile.as_str())),
+        ("CROWDED", Some(crowded.as_str())),
+        ("ITEMS_PER_PART", Some(items_per_part.as_str())),
     ];
     let input = ShaderInput::new(
         &source,

@@ -24,8 +24,6 @@ layout(set = 0, binding = 0, std140) uniform EyeParams {
     uvec4 visible_rows[256]; // as in frame.glsl
 } eye;
 
-const uint TILE = 16u;
-
 // First and last column of a row's tiles that anyone sees, as in frame.glsl.
 uvec2 visible_columns(uint view, uint row) {
     uvec4 columns = eye.visible_rows[row];

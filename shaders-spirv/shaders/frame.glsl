@@ -1,7 +1,6 @@
 // Shared by every stage of one picture: cameras, sizes, limits. Mirrors `FrameParams` in src/frame.rs.
 #include "numbers.glsl"
 
-const uint TILE = 16u;               // pixels along a tile's side
 const uint NO_DEPTH = 0xFFFFFFFFu;   // start value of a least depth
 const uint EMPTY_RECT = 0x00000001u; // first tile behind the last one: covers nothing
 
@@ -54,5 +53,5 @@ struct Splat {
     uint blue_depth; // halves; depth along this view's axis, metres
 };
 
-// ALPHA_CUT and LOG2_ALPHA_CUT: defined by the build script, from src/alpha_cut.rs.
+// ALPHA_CUT, LOG2_ALPHA_CUT and TILE, the pixels along a tile's side: defined by the build script, from src/shared.rs.
 const float ALPHA_MOST = 0.99;

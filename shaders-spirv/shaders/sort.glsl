@@ -9,8 +9,7 @@ layout(set = 0, binding = 1, std430) readonly buffer Items { uint items[]; };
 #include "state.glsl"
 layout(set = 0, binding = 3, std430) buffer Bins { uint bins[]; };
 
-const uint CROWDED = 64u; // items of one bin that are still ranked one by one
-const uint ITEMS_PER_PART = 4u; // of a crowded bin, at least, on average: see sort_part.glsl
+// CROWDED, the items of one bin that are still ranked one by one, and ITEMS_PER_PART (see sort_part.glsl): defined by the build script, from src/shared.rs.
 
 // Never falls as the value rises, in float arithmetic too: rounding is monotonic.
 uint key_of(uint value) {

@@ -7,13 +7,12 @@
 
 use std::mem::offset_of;
 
-mod alpha_cut;
 mod eye;
 mod frame;
 mod gaussian;
 mod gaussian_lanes;
+mod shared;
 
-pub use alpha_cut::ALPHA_CUT;
 pub use eye::{EyeParams, EyeView};
 pub use frame::{
     FrameParams, MOST_TILE_ROWS, PartParams, SortState, Splat, ViewParams, VisibleRows,
@@ -22,6 +21,7 @@ pub use gaussian::{
     Gaussian, LOG2_MOST_SCALE, LOG2_SCALE_END, PackedGaussian, quantised, smallest_three,
 };
 pub use gaussian_lanes::GaussianLanes;
+pub use shared::{ALPHA_CUT, CROWDED, ITEMS_PER_PART, TILE_PIXELS};
 
 /// One compiled shader. Its entry point is `main`.
 #[derive(Debug, Clone, Copy)]
@@ -32,20 +32,14 @@ pub struct Shader {
     pub words: &'static [u32],
 }
 
-/// Side of a screen tile in pixels; `TILE` in `shaders/frame.glsl`.
-pub const TILE_PIXELS: u32 = 16;
-
 /// Gaussians that one instance of the quad back end's draw has: as 16-bit indices reach, with six vertices each.
 pub const QUADS_PER_INSTANCE: u32 = 1 << 13;
 
 /// Elements one workgroup of the prefix sum takes; `BLOCK` in `shaders/scan.glsl`.
 pub const SCAN_BLOCK: u32 = 1024;
 
-/// Bytes of what the depth sort notes of a bin of more than 64 items; `Span` in `shaders/sort_part.glsl`.
+/// Bytes of what the depth sort notes of a crowded bin; `Span` in `shaders/sort_part.glsl`.
 pub const SPAN_BYTES: u64 = 16;
-
-/// Items of such a bin for each of its parts; `ITEMS_PER_PART` in `shaders/sort.glsl`.
-pub const ITEMS_PER_PART: u32 = 4;
 
 /// The depth sort's passes over crowded bins in their order, each with where [`SortState`] says how many workgroups it has: none
 /// where no bin is crowded. The specialisation constant is that of the passes over items.

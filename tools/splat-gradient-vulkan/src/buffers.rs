@@ -5,7 +5,7 @@ use bytemuck::Pod;
 use renderer_vulkan::buffer::{Buffer, MemoryUsage};
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
-use shaders_spirv::{ITEMS_PER_PART, SCAN_BLOCK, SPAN_BYTES, SortState, TILE_PIXELS};
+use shaders_spirv::{CROWDED, ITEMS_PER_PART, SCAN_BLOCK, SPAN_BYTES, SortState, TILE_PIXELS};
 use splat_gradient::attributes::ATTRIBUTES;
 use splat_gradient::picture::CHANNELS;
 use std::sync::Arc;
@@ -14,8 +14,6 @@ use std::sync::Arc;
 pub(crate) const GROUP: usize = 64;
 /// Keys of the depth sort: 16 bits.
 pub(crate) const BINS: u32 = 1 << 16;
-/// A bin with more items than this is crowded; `CROWDED` in `shaders-spirv/shaders/sort.glsl`.
-const CROWDED: u64 = 64;
 /// Numbers in `Splat` of `shaders/numbers.glsl`.
 const SPLAT: u64 = 11;
 /// `MOMENTS` of `shaders/numbers.glsl`.
@@ -207,10 +205,10 @@ impl Buffers {
                 storage("placed values", gaussians)?,
                 storage("placed items", gaussians)?,
             ],
-            crowded: storage("crowded bins", gaussians / (CROWDED + 1))?,
+            crowded: storage("crowded bins", gaussians / u64::from(CROWDED + 1))?,
             spans: storage(
                 "spans of crowded bins",
-                (gaussians / (CROWDED + 1) + 1) * (SPAN_BYTES / 4),
+                (gaussians / u64::from(CROWDED + 1) + 1) * (SPAN_BYTES / 4),
             )?,
             parts: storage(
                 "parts of crowded bins",

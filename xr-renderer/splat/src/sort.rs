@@ -16,7 +16,9 @@ use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
 use renderer_vulkan::pipeline::{ComputePipeline, Specialisation};
 use renderer_vulkan::timestamps::Timestamps;
-use shaders_spirv::{ITEMS_PER_PART, QUADS_PER_INSTANCE, SORT_CROWDED, SPAN_BYTES, SortState};
+use shaders_spirv::{
+    CROWDED, ITEMS_PER_PART, QUADS_PER_INSTANCE, SORT_CROWDED, SPAN_BYTES, SortState,
+};
 
 use crate::error::RenderError;
 use crate::scan::Scan;
@@ -29,8 +31,6 @@ const MOST_BINS: u32 = 1 << 20;
 const ITEMS_PER_BIN: u32 = 4;
 /// Invocations per workgroup of the passes over items.
 const ITEM_GROUP: u32 = 256;
-/// A bin with more items than this is crowded; `CROWDED` in `shaders/sort.glsl`.
-const CROWDED: u32 = 64;
 
 /// The sort's input: buffers that earlier passes fill. Every buffer outlives the passes' use.
 #[derive(Clone, Copy)]

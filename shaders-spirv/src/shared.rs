@@ -1,0 +1,15 @@
+// Included by the build script too, which defines each for the shaders.
+
+/// A splat contributes nothing to a pixel where its opacity is less. 3DGS's value, a step of an 8-bit picture: with a lower one splats
+/// reach farther.
+pub const ALPHA_CUT: f32 = 1.0 / 255.0;
+
+/// Side of a screen tile in pixels; `TILE` in shaders.
+pub const TILE_PIXELS: u32 = 16;
+
+/// The depth sort ranks the items of a bin one by one, each against all others, up to so many; a bin with more is crowded and goes through
+/// [`SORT_CROWDED`](crate::SORT_CROWDED).
+pub const CROWDED: u32 = 64;
+
+/// Items of a crowded bin for each of its parts, at least, on average.
+pub const ITEMS_PER_PART: u32 = 4;
