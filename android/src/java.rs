@@ -70,7 +70,7 @@ pub(crate) fn finish(app: &AndroidApp) {
 
 /// What the wearer gives who lets the app hear them.
 const RECORD_AUDIO: &str = "android.permission.RECORD_AUDIO";
-/// What moves the wearer's avatar beside head and hands; a headset without it gives it to nobody, and asks nobody.
+/// What moves the wearer's avatar beside head and hands, and (the eyes) a second screen's camera; a headset without it gives it to nobody, and asks nobody.
 const TRACKING: [&str; 3] = [
     "com.oculus.permission.BODY_TRACKING",
     "com.oculus.permission.FACE_TRACKING",

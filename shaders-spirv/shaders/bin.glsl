@@ -9,8 +9,44 @@ layout(set = 0, binding = 1, std430) readonly buffer Order { uint order[]; };
 layout(set = 0, binding = 3, std430) readonly buffer Rects { uint rects[]; };
 // [view][lane][tile]: first the lane's splats on the tile, then where its next one goes in the tile's list.
 layout(set = 0, binding = 4, std430) buffer Table { uint table[]; };
+layout(set = 0, binding = 5, std430) readonly buffer Splats0 { Splat splats_0[]; };
+layout(set = 0, binding = 6, std430) readonly buffer Splats1 { Splat splats_1[]; };
 
 uint tile_count() { return frame.tiles_x * frame.tiles_y; }
+
+// A rectangle of fewer tiles than this is about what its splat touches: looking closer takes longer than it saves.
+const uint CLOSE_LOOK = 12u;
+// Room for rounding, as in raster.glsl, and of a pixel.
+const float TEST_SLACK = 1e-3;
+const float PIXEL_SLACK = 0.05;
+
+// Where a splat's alpha reaches ALPHA_CUT, from its mean: (ux*x + uy*y)^2 + (wy*y)^2 = level.
+struct Outline {
+    float mean_x, mean_y;
+    float uy, wy, inv_ux;
+    float level;
+    float tip; // y of its leftmost point; its rightmost is as far above
+};
+
+Outline outline_of(uint view, uint index) {
+    Splat s;
+    if (view == 0u) s = splats_0[index];
+    else s = splats_1[index];
+    float level = s.log2_opacity - LOG2_ALPHA_CUT + TEST_SLACK;
+    return Outline(s.mean_x, s.mean_y, s.uy, s.wy, 1.0 / s.ux, level, s.uy / s.wy * sqrt(level / (s.uy * s.uy + s.wy * s.wy)));
+}
+
+// First and last column of a row's tiles in which it has a pixel's centre; the first may be behind the last.
+uvec2 columns_within(Outline o, uint row) {
+    float top = float(row * TILE) + 0.5 - o.mean_y, bottom = top + float(TILE - 1u);
+    // Its sides bulge towards the tips.
+    float y_left = clamp(o.tip, top, bottom), y_right = clamp(-o.tip, top, bottom);
+    float across_left = o.wy * y_left, across_right = o.wy * y_right;
+    float left = (-o.uy * y_left - sqrt(max(o.level - across_left * across_left, 0.0))) * o.inv_ux;
+    float right = (-o.uy * y_right + sqrt(max(o.level - across_right * across_right, 0.0))) * o.inv_ux;
+    vec2 ends = vec2(ceil(o.mean_x + left - 0.5 - PIXEL_SLACK), floor(o.mean_x + right - 0.5 + PIXEL_SLACK));
+    return uvec2(clamp(ends, 0.0, 65535.0)) / TILE;
+}
 
 uvec2 lane_run(uint lane) {
     uint total = state.count;

@@ -15,6 +15,9 @@ void main() {
         uint rect = rects[view * frame.total_count + order[i]];
         if (rect == EMPTY_RECT) continue;
         uint x0 = rect & 255u, y = (rect >> 8) & 255u, x1 = (rect >> 16) & 255u, y1 = rect >> 24;
+        bool is_large = (x1 - x0 + 1u) * (y1 - y + 1u) >= CLOSE_LOOK;
+        Outline outline;
+        if (is_large) outline = outline_of(view, order[i]);
         // Tested at their ends, as in raster.glsl.
         do {
             uint x = x0, end = x1;
@@ -22,6 +25,12 @@ void main() {
                 uvec2 columns = visible_columns(view, y);
                 x = max(x0, columns.x);
                 end = min(x1, columns.y);
+                if (x > end) continue;
+            }
+            if (is_large) {
+                uvec2 columns = columns_within(outline, y);
+                x = max(x, columns.x);
+                end = min(end, columns.y);
                 if (x > end) continue;
             }
             do {

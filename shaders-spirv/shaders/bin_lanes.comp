@@ -6,7 +6,7 @@ layout(constant_id = 0) const uint GROUP = 64u;
 layout(local_size_x_id = 0) in;
 
 // [view][tile] splats on the tile, to be scanned into the start of its list; the last element stays 0.
-layout(set = 0, binding = 5, std430) writeonly buffer TileStarts { uint tile_starts[]; };
+layout(set = 0, binding = 7, std430) writeonly buffer TileStarts { uint tile_starts[]; };
 
 void main() {
     uint tile = gl_GlobalInvocationID.x;

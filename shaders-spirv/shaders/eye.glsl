@@ -21,7 +21,7 @@ layout(set = 0, binding = 0, std140) uniform EyeParams {
     float near;             // depth 0 and 1 for the compositor, metres
     float far;
     uint strip_rows;        // rows of tiles that one strip of the picture has
-    uvec4 visible_rows[256]; // as in frame.glsl
+    uvec4 visible_rows[MOST_TILE_ROWS]; // as in frame.glsl
 } eye;
 
 // First and last column of a row's tiles that anyone sees, as in frame.glsl.

@@ -28,7 +28,7 @@ layout(set = 0, binding = 0, std140) uniform FrameParams {
     float guard_move;         // ... and its movement in metres
     uint whole_first;         // rows of tiles that are seen wholly in both views, from the middle one up ...
     uint whole_last;          // ... and down; the first is behind the last where there are none
-    uvec4 visible_rows[256];  // of each row of tiles, first and last column that anyone sees in view 0, the same in view 1
+    uvec4 visible_rows[MOST_TILE_ROWS]; // of each row of tiles, first and last column that anyone sees in view 0, the same in view 1
 } frame;
 
 // Whether everything in these rows of tiles is seen: most of a picture is, and the look-up below takes as long as several tiles.
@@ -53,5 +53,5 @@ struct Splat {
     uint blue_depth; // halves; depth along this view's axis, metres
 };
 
-// ALPHA_CUT, LOG2_ALPHA_CUT and TILE, the pixels along a tile's side: defined by the build script, from src/shared.rs.
+// ALPHA_CUT, LOG2_ALPHA_CUT, MOST_TILE_ROWS and TILE, the pixels along a tile's side: defined by the build script, from src/shared.rs.
 const float ALPHA_MOST = 0.99;

@@ -1,9 +1,9 @@
 // Exclusive prefix sum in place, in two dispatches: sums of 1,024-element blocks, then each block by itself
 // on top of the blocks before it. Sums saturate at 2^32 - 1, so that "too many" never wraps to "few".
 
+// SCAN_BLOCK, the elements of a workgroup: defined by the build script, from src/shared.rs.
 const uint SCAN_GROUP = 256u;
-const uint PER_INVOCATION = 4u;
-const uint BLOCK = SCAN_GROUP * PER_INVOCATION;
+const uint PER_INVOCATION = SCAN_BLOCK / SCAN_GROUP;
 
 layout(local_size_x = 256) in;
 

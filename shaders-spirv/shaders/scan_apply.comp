@@ -5,7 +5,7 @@
 #include "scan.glsl"
 
 void main() {
-    uint first = gl_WorkGroupID.x * BLOCK + group_index() * PER_INVOCATION;
+    uint first = gl_WorkGroupID.x * SCAN_BLOCK + group_index() * PER_INVOCATION;
     uint own[PER_INVOCATION];
     uint sum = 0u;
     for (uint i = 0u; i < PER_INVOCATION; ++i) {

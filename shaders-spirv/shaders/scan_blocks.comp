@@ -5,7 +5,7 @@
 #include "scan.glsl"
 
 void main() {
-    uint first = gl_WorkGroupID.x * BLOCK + group_index() * PER_INVOCATION;
+    uint first = gl_WorkGroupID.x * SCAN_BLOCK + group_index() * PER_INVOCATION;
     uint sum = 0u;
     for (uint i = first; i < min(first + PER_INVOCATION, params.element_count); ++i) sum += elements[i];
     sum = subgroupAdd(sum);

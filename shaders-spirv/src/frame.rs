@@ -1,6 +1,7 @@
 //! Shared by every stage of one picture. Offsets are checked against the compiled shaders in
 //! `tests/layout.rs`.
 
+use crate::MOST_TILE_ROWS;
 use bytemuck::{Pod, Zeroable};
 
 /// One view's camera; `ViewParams` in `shaders/frame.glsl` (std140).
@@ -18,9 +19,6 @@ pub struct ViewParams {
     /// The eye's position in the world, then the near plane; metres.
     pub clip: [f32; 4],
 }
-
-/// The most rows of tiles of [`TILE_PIXELS`](crate::TILE_PIXELS) that a picture has: one of 4096 pixels.
-pub const MOST_TILE_ROWS: usize = 256;
 
 /// For each row of tiles from the top, the first and the last column that anyone sees in the left (or only) view, and the same in the right one;
 /// the first is behind the last where nobody sees any. The rows that a picture lacks are not read.

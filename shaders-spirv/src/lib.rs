@@ -14,14 +14,12 @@ mod gaussian_lanes;
 mod shared;
 
 pub use eye::{EyeParams, EyeView};
-pub use frame::{
-    FrameParams, MOST_TILE_ROWS, PartParams, SortState, Splat, ViewParams, VisibleRows,
-};
+pub use frame::{FrameParams, PartParams, SortState, Splat, ViewParams, VisibleRows};
 pub use gaussian::{
     Gaussian, LOG2_MOST_SCALE, LOG2_SCALE_END, PackedGaussian, quantised, smallest_three,
 };
 pub use gaussian_lanes::GaussianLanes;
-pub use shared::{ALPHA_CUT, CROWDED, ITEMS_PER_PART, TILE_PIXELS};
+pub use shared::{ALPHA_CUT, CROWDED, ITEMS_PER_PART, MOST_TILE_ROWS, SCAN_BLOCK, TILE_PIXELS};
 
 /// One compiled shader. Its entry point is `main`.
 #[derive(Debug, Clone, Copy)]
@@ -34,9 +32,6 @@ pub struct Shader {
 
 /// Gaussians that one instance of the quad back end's draw has: as 16-bit indices reach, with six vertices each.
 pub const QUADS_PER_INSTANCE: u32 = 1 << 13;
-
-/// Elements one workgroup of the prefix sum takes; `BLOCK` in `shaders/scan.glsl`.
-pub const SCAN_BLOCK: u32 = 1024;
 
 /// Bytes of what the depth sort notes of a crowded bin; `Span` in `shaders/sort_part.glsl`.
 pub const SPAN_BYTES: u64 = 16;

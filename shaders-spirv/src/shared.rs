@@ -7,6 +7,12 @@ pub const ALPHA_CUT: f32 = 1.0 / 255.0;
 /// Side of a screen tile in pixels; `TILE` in shaders.
 pub const TILE_PIXELS: u32 = 16;
 
+/// The most rows of tiles that a picture has: one of 4096 pixels.
+pub const MOST_TILE_ROWS: usize = 256;
+
+/// Elements one workgroup of the prefix sum takes.
+pub const SCAN_BLOCK: u32 = 1024;
+
 /// The depth sort ranks the items of a bin one by one, each against all others, up to so many; a bin with more is crowded and goes through
 /// [`SORT_CROWDED`](crate::SORT_CROWDED).
 pub const CROWDED: u32 = 64;

@@ -74,8 +74,12 @@ pub(super) fn run(
             .map(|person| person.participant.clone())
             .collect();
         let config = config(settings, backends);
+        let options = PresentOptions {
+            gaze: settings.gaze_to.value.and_then(gaze_feed),
+            ..present(settings)
+        };
         let mut counter = Counter(task.frames);
-        let mut display = HeadsetDisplay::new(headset, present(settings), &mut counter);
+        let mut display = HeadsetDisplay::new(headset, options, &mut counter);
         let session = Session::new(config, participants, task.control.clone());
         let report = session.run(&mut display)?;
         if !log_calls(report, &display.into_figures())? {
@@ -101,14 +105,13 @@ pub(super) fn config<'a>(
 pub(super) fn present(settings: &Settings) -> PresentOptions {
     PresentOptions {
         display_hz: settings.rate.value.map(|rate| f32::from(rate.hz())),
-        gaze: settings.gaze_to.value.and_then(gaze_feed),
         ..PresentOptions::default()
     }
 }
 
 /// Sends where the wearer looks to a second screen; without a way there it is told, and the call goes on.
 fn gaze_feed(to: SocketAddr) -> Option<Arc<dyn GazeListener>> {
-    match GazeFeed::to(&to.to_string()) {
+    match GazeFeed::new(to) {
         Ok(feed) => Some(Arc::new(feed)),
         Err(error) => {
             log::warn!("{:#}", anyhow::Error::from(error));

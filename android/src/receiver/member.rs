@@ -283,6 +283,11 @@ impl Member<'_> {
             sits,
             origin: Origin::Own(own),
         };
+        if let Some(screen) = settings.gaze_to.value {
+            log::warn!(
+                "where the wearer looks is not sent to {screen}: a second screen would stand among other people than those of this call"
+            );
+        }
         let options = PresentOptions {
             wearer: Some(slot.clone()),
             privacy: Some(Arc::new(PrivacyButtons::new(host.privacy()))),

@@ -10,6 +10,7 @@ mod edges;
 mod filter_and_depth;
 mod foreground;
 mod golden;
+mod lists;
 mod order;
 mod parts;
 mod person_in_scene;

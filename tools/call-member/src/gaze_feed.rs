@@ -1,4 +1,4 @@
-//! Where a headset's wearer looks, told to a second screen: a line of JSON a frame, each in a UDP datagram of its own.
+//! Where a headset's wearer looks, told to a second screen: a line of JSON a frame, each in a UDP datagram of its own (`docs/call-reference.md`).
 //!
 //! A line is what `--gaze` reads: `{"seconds":S,"eye":[x,y,z],"towards":[x,y,z]}`, the place between the wearer's eyes and a point a metre from it on
 //! their line of sight, metres in the motion space of the first person who is shown (y up, +z to their front). UDP, because an old gaze is worth
@@ -10,11 +10,14 @@ use motion_fit::wearer::LEAST_GAZE_CONFIDENCE;
 use std::fmt;
 use std::io::{Cursor, ErrorKind, Write};
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs, UdpSocket};
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::time::Instant;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Bytes of the longest line: six coordinates within a kilometre, and a time of years.
 const LONGEST: usize = 192;
+
+/// A screen that is not there for so long is told of.
+const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Sends gazes to one address.
 #[derive(Debug)]
@@ -22,8 +25,16 @@ pub struct GazeFeed {
     socket: UdpSocket,
     to: SocketAddr,
     began: Instant,
-    sent: AtomicBool,
-    failed: AtomicBool,
+    told: Mutex<Told>,
+}
+
+/// What was said of how it goes.
+#[derive(Debug, Default)]
+struct Told {
+    is_sent: bool,
+    has_failed: bool,
+    /// Since when nobody is there.
+    refused: Option<Instant>,
 }
 
 /// Why gazes cannot be sent.
@@ -48,17 +59,26 @@ pub enum GazeFeedError {
 }
 
 impl GazeFeed {
-    /// To `address`, a host and a port. Nothing is sent before a frame has a person in it.
+    /// The address of a host and a port: its IPv4 one, which screens listen to, where it has both.
     ///
     /// # Errors
-    /// If it is no address, or this machine has no way there.
-    pub fn to(address: &str) -> Result<Self, GazeFeedError> {
+    /// If it is none.
+    pub fn resolve(address: &str) -> Result<SocketAddr, GazeFeedError> {
         let not_one = |source| GazeFeedError::Address {
             address: address.to_owned(),
             source,
         };
-        let to = address.to_socket_addrs().map_err(not_one)?.next();
-        let to = to.ok_or_else(|| not_one(ErrorKind::NotFound.into()))?;
+        let found = address.to_socket_addrs().map_err(not_one)?;
+        found
+            .min_by_key(SocketAddr::is_ipv6)
+            .ok_or_else(|| not_one(ErrorKind::NotFound.into()))
+    }
+
+    /// To this address. Nothing is sent before a frame has a person in it.
+    ///
+    /// # Errors
+    /// If this machine has no way there.
+    pub fn new(to: SocketAddr) -> Result<Self, GazeFeedError> {
         let socket = || {
             let socket = if to.is_ipv4() {
                 UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))
@@ -73,9 +93,38 @@ impl GazeFeed {
             socket: socket().map_err(|source| GazeFeedError::Socket { to, source })?,
             to,
             began: Instant::now(),
-            sent: AtomicBool::new(false),
-            failed: AtomicBool::new(false),
+            told: Mutex::default(),
         })
+    }
+
+    /// Says how it goes, once each.
+    fn tell(&self, sent: std::io::Result<usize>) {
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        let to = self.to;
+        match sent.map_err(|error| (error.kind(), error)) {
+            Ok(_) => {
+                if !std::mem::replace(&mut told.is_sent, true) {
+                    log::info!("where the wearer looks is sent to {to}");
+                }
+            }
+            // Each other datagram of those to a machine where nobody listens.
+            Err((ErrorKind::ConnectionRefused, _)) => {
+                let since = *told.refused.get_or_insert_with(Instant::now);
+                if since.elapsed() > PATIENCE && !std::mem::replace(&mut told.has_failed, true) {
+                    log::warn!(
+                        "nobody takes where the wearer looks at {to}: is --gaze udp:{} there?",
+                        to.port()
+                    );
+                }
+            }
+            // The network is busy; the next one is newer.
+            Err((ErrorKind::WouldBlock, _)) => {}
+            Err((_, error)) => {
+                if !std::mem::replace(&mut told.has_failed, true) {
+                    log::warn!("where the wearer looks cannot be sent to {to}: {error}");
+                }
+            }
+        }
     }
 }
 
@@ -83,7 +132,7 @@ impl GazeListener for GazeFeed {
     fn looked(&self, view: &WearerView) {
         let line = Line {
             seconds: self.began.elapsed().as_secs_f64(),
-            sight: Sight::of(view),
+            sight: LineOfSight::of(view),
         };
         let mut bytes = [0; LONGEST];
         let mut to = Cursor::new(&mut bytes[..]);
@@ -92,38 +141,19 @@ impl GazeListener for GazeFeed {
             return;
         }
         let length = usize::try_from(to.position()).unwrap_or(LONGEST);
-        match self.socket.send(bytes.get(..length).unwrap_or_default()) {
-            Ok(_) => {
-                if !self.sent.swap(true, Relaxed) {
-                    log::info!("where the wearer looks is sent to {}", self.to);
-                }
-            }
-            // So it is said that nobody listens there yet, and that the network is busy.
-            Err(error)
-                if matches!(
-                    error.kind(),
-                    ErrorKind::ConnectionRefused | ErrorKind::WouldBlock
-                ) => {}
-            Err(error) => {
-                if !self.failed.swap(true, Relaxed) {
-                    log::warn!(
-                        "where the wearer looks cannot be sent to {}: {error}",
-                        self.to
-                    );
-                }
-            }
-        }
+        let line = bytes.get(..length).unwrap_or_default();
+        self.tell(self.socket.send(line));
     }
 }
 
 /// From where to where the wearer looks, in a person's motion space, metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Sight {
+struct LineOfSight {
     eye: Vec3,
     towards: Vec3,
 }
 
-impl Sight {
+impl LineOfSight {
     /// Both eyes together, if one at least is surely tracked, and else as the head is turned.
     fn of(view: &WearerView) -> Self {
         let person_from_floor = view.floor_from_person.inverse();
@@ -150,7 +180,7 @@ impl Sight {
 
 struct Line {
     seconds: f64,
-    sight: Sight,
+    sight: LineOfSight,
 }
 
 impl fmt::Display for Line {
@@ -189,13 +219,13 @@ mod tests {
     }
 
     fn direction(view: &WearerView) -> Vec3 {
-        let sight = Sight::of(view);
+        let sight = LineOfSight::of(view);
         sight.towards - sight.eye
     }
 
     #[test]
     fn the_wearer_is_told_as_the_person_sees_them() {
-        let sight = Sight::of(&view());
+        let sight = LineOfSight::of(&view());
         let expected = [Vec3::new(0.2, 1.6, 1.6), Vec3::new(0.2, 1.6, 0.6)];
         assert!(sight.eye.abs_diff_eq(expected[0], 1e-5), "{sight:?}");
         assert!(sight.towards.abs_diff_eq(expected[1], 1e-5), "{sight:?}");
@@ -205,7 +235,7 @@ mod tests {
                 * Affine3A::from_quat(Quat::from_rotation_y(PI)),
             ..view()
         };
-        let eye = Sight::of(&turned).eye;
+        let eye = LineOfSight::of(&turned).eye;
         assert!(eye.abs_diff_eq(Vec3::new(-0.2, 1.6, -1.6), 1e-5), "{eye}");
     }
 
@@ -225,39 +255,75 @@ mod tests {
         }
     }
 
-    #[test]
-    fn each_frame_is_a_datagram_with_a_line_of_json() {
+    /// A screen, and what sends to it.
+    fn screen() -> (UdpSocket, GazeFeed) {
         let screen = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port");
         let longest = Duration::from_secs(5);
         screen.set_read_timeout(Some(longest)).expect("a limit");
-        let feed = GazeFeed::to(&screen.local_addr().expect("bound").to_string()).expect("a way");
+        let feed = GazeFeed::new(screen.local_addr().expect("bound")).expect("a way");
+        (screen, feed)
+    }
+
+    fn next(screen: &UdpSocket) -> (serde_json::Value, usize) {
+        let mut bytes = [0; 512];
+        let length = screen.recv(&mut bytes).expect("a datagram");
+        let line = serde_json::from_slice(&bytes[..length]);
+        (line.expect("JSON"), length)
+    }
+
+    #[test]
+    fn each_frame_is_a_datagram_with_a_line_of_json() {
+        let (screen, feed) = screen();
         let mut last = -1.0;
         for _ in 0..3 {
             feed.looked(&view());
-            let mut bytes = [0; 512];
-            let length = screen.recv(&mut bytes).expect("a datagram");
-            let line: serde_json::Value = serde_json::from_slice(&bytes[..length]).expect("JSON");
+            let (line, length) = next(&screen);
             let seconds = line["seconds"].as_f64().expect("a time");
             assert!(seconds > last, "{line}");
             last = seconds;
             assert_eq!(line["eye"][2], 1.6, "{line}");
             assert_eq!(line["towards"][2], 0.6, "{line}");
+            // With the headers of UDP, IP and Ethernet.
+            let kbit_s = |hz: usize| (length + 8 + 20 + 18) * 8 * hz / 1000;
+            println!(
+                "{length} bytes: {} kbit/s at 72 Hz, {} at 120",
+                kbit_s(72),
+                kbit_s(120)
+            );
         }
     }
 
     #[test]
-    fn who_is_not_there_keeps_nobody_and_far_away_is_sent_no_half_line() {
-        let nobody = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port");
-        let address = nobody.local_addr().expect("bound");
-        drop(nobody);
-        let feed = GazeFeed::to(&address.to_string()).expect("a way");
-        for x in [0.0, 1e30, f32::NAN] {
+    fn a_place_that_is_none_is_not_sent() {
+        let (screen, feed) = screen();
+        for x in [1e30, f32::NAN, f32::INFINITY, 0.25] {
             feed.looked(&WearerView {
                 floor_from_head: Affine3A::from_translation(Vec3::splat(x)),
                 ..view()
             });
         }
-        let error = GazeFeed::to("192.168.1.20").expect_err("no port");
+        assert_eq!(next(&screen).0["eye"][0], 0.25, "the only one");
+    }
+
+    #[test]
+    fn a_screen_that_is_not_there_is_waited_for_and_an_address_that_is_none_is_refused() {
+        let (screen, feed) = screen();
+        let address = screen.local_addr().expect("bound");
+        drop(screen);
+        for _ in 0..4 {
+            feed.looked(&view());
+        }
+        let screen = UdpSocket::bind(address).expect("the same port");
+        let longest = Duration::from_millis(100);
+        screen.set_read_timeout(Some(longest)).expect("a limit");
+        let came = (0..50).any(|_| {
+            feed.looked(&view());
+            screen.recv(&mut [0; 512]).is_ok()
+        });
+        assert!(came, "once it is there");
+        let error = GazeFeed::resolve("192.168.1.20").expect_err("no port");
         assert!(error.to_string().contains("192.168.1.20:7215"), "{error}");
+        let here = GazeFeed::resolve("localhost:7215").expect("an address");
+        assert!(here.is_ipv4(), "{here}");
     }
 }

@@ -157,9 +157,9 @@ impl Tiles {
             count: make(
                 shaders_spirv::BIN_COUNT.words,
                 lane_group(gpu),
-                &resources[..5],
+                &resources[..7],
             )?,
-            sum_lanes: make(shaders_spirv::BIN_LANES.words, TILE_GROUP, &resources[..6])?,
+            sum_lanes: make(shaders_spirv::BIN_LANES.words, TILE_GROUP, &resources[..8])?,
             scan: Scan::new(gpu, &tile_starts, layout.lists() + 1)?,
             emit: make(shaders_spirv::BIN_EMIT.words, lane_group(gpu), &resources)?,
             raster,
@@ -296,14 +296,17 @@ fn binning<'a>(
     table: &'a Buffer,
     tile_starts: &'a Buffer,
     pairs: &'a Buffer,
-) -> [Resource<'a>; 7] {
+) -> [Resource<'a>; 9] {
     let shared = geometry.shared_buffers();
+    let [left, right] = &shared.splats;
     [
         Resource::Uniform(&shared.frame),
         Resource::Storage(geometry.order()),
         Resource::Storage(&shared.state),
         Resource::Storage(&shared.rects),
         Resource::Storage(table),
+        Resource::Storage(left),
+        Resource::Storage(right),
         Resource::Storage(tile_starts),
         Resource::Storage(pairs),
     ]

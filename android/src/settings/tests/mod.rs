@@ -230,7 +230,7 @@ fn where_the_wearer_looks_is_sent_only_where_the_file_says() {
     let settings = read(&[], None, Some(&file)).expect("good");
     let screen = Some(([192, 168, 1, 20], 7215).into());
     assert_eq!(settings.gaze_to.value, screen, "the file's");
-    // What any app may say does not get it, and does not take it away.
+    // What any app may say does not get it: the app joins nothing then, and says why.
     let by_app = reported(&[("gaze_to", "127.0.0.1:7215")], None, Some(&file));
     assert!(
         by_app.contains("gaze_to in the intent") && by_app.contains("mon3tr.toml"),

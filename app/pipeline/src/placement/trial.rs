@@ -259,8 +259,10 @@ fn try_one(
 ) -> Result<(StageCosts, Option<Inference>), ReceiverError> {
     let control = canvas.control;
     control.checkpoint()?;
-    let (Some(graph), Some(provider)) = (plan.graph(), provider) else {
-        return Ok((canvas.try_on_device(avatar, None)?, None));
+    let (graph, provider) = match (plan.graph(), provider) {
+        (Some(graph), Some(provider)) => (graph, provider),
+        (None, None) => return Ok((canvas.try_on_device(avatar, None)?, None)),
+        _ => return Err(ReceiverError::NoProvider),
     };
     let mut inference = Inference::open(
         backends.runtime,

@@ -2,7 +2,7 @@
 //! keeps to them.
 
 use super::{LiveSession, SessionError};
-use crate::presence::{APART, Lineup, Standing};
+use crate::presence::{APART, Lineup, Standing, first_apart};
 use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::DisplayClock;
 use glam::{Affine3A, Quat, Vec3};
@@ -39,7 +39,7 @@ pub struct Standpoint {
     pub heading: Quat,
     /// From the person who stands leftmost to the rightmost, metres; 0 for one.
     pub width: f32,
-    /// The place of the first person whose pose is known, apart from the viewer, or else of the viewer: world from motion space, rigid.
+    /// The place of the first person whose pose is known, apart from the viewer; while there is none, the last such place: world from motion space, rigid.
     pub first: Affine3A,
 }
 
@@ -74,6 +74,8 @@ enum Arrangement {
         lineup: Lineup,
         standing: Vec<Option<Standing>>,
         present: Vec<bool>,
+        /// The last place of the first person.
+        first: Affine3A,
     },
 }
 
@@ -106,6 +108,7 @@ impl<'a> FlatView<'a> {
                     lineup: Lineup::default(),
                     standing: Vec::new(),
                     present: Vec::new(),
+                    first: Affine3A::IDENTITY,
                 }
             },
             world_from_person: vec![Affine3A::IDENTITY; people],
@@ -217,6 +220,7 @@ impl<'a> FlatView<'a> {
                 lineup,
                 standing,
                 present,
+                first,
             } => {
                 standing.clear();
                 standing.extend(
@@ -239,15 +243,15 @@ impl<'a> FlatView<'a> {
                 for (person, place) in self.world_from_person.iter().enumerate() {
                     session.lanes.place(person, *place);
                 }
-                let mut others = standing.iter().skip(session.own);
-                let first = others.position(Option::is_some);
-                let first = first.map_or(0, |first| first + session.own);
+                let place = first_apart(standing, session.own);
+                if let Some(place) = place.and_then(|place| self.world_from_person.get(place)) {
+                    *first = *place;
+                }
                 Some(Standpoint {
                     floor: Vec3::ZERO,
                     heading: Quat::IDENTITY,
                     width: APART * lineup.count().saturating_sub(1) as f32,
-                    first: (self.world_from_person.get(first).copied())
-                        .unwrap_or(Affine3A::IDENTITY),
+                    first: *first,
                 })
             }
         }

@@ -4,7 +4,7 @@
 //! often as it takes, and the calls go on meanwhile.
 
 use super::figures::HeadsetFigures;
-use super::gaze::{GazeListener, WearerView};
+use super::gaze::GazeWatch;
 use super::handle::open_again;
 use super::observer::{FrameCapture, FrameObserver};
 use super::options::PresentOptions;
@@ -21,7 +21,6 @@ use android_power::threads;
 use app_pipeline::error::ReceiverError;
 use app_pipeline::lanes::Drawn;
 use app_pipeline::profile::Percentiles;
-use renderer_openxr::ext::eye_tracking::Gaze;
 use renderer_openxr::eyes::Surround;
 use renderer_openxr::frame::{Eyes, Frame};
 use renderer_openxr::headset::{Headset, HeadsetOptions};
@@ -49,7 +48,7 @@ pub(super) struct Frames<'a> {
     observer: &'a mut dyn FrameObserver,
     session_options: SessionOptions,
     wearer: Option<WearerSlot>,
-    gaze: Option<Arc<dyn GazeListener>>,
+    gaze: GazeWatch,
     places: Places,
     panel: RoomPanel,
     figures: HeadsetFigures,
@@ -77,7 +76,7 @@ impl<'a> Frames<'a> {
             observer,
             session_options,
             wearer: options.wearer.clone(),
-            gaze: options.gaze.clone(),
+            gaze: GazeWatch::new(options.gaze.clone()),
             places: Places::default(),
             panel: RoomPanel::new(overlay, options.privacy.clone()),
             figures: HeadsetFigures::default(),
@@ -269,7 +268,11 @@ impl<'a> Frames<'a> {
             session.skip(frame)?;
             return Ok(None);
         };
-        let gazes = self.watch_wearer(session, &frame)?;
+        if let Some(slot) = &self.wearer {
+            slot.put(session.wearer(&frame)?);
+        }
+        // Of the frame before: who is seen now is not known yet.
+        self.gaze.look(session, &frame, self.places.of_first());
         self.note(&frame);
         let tick = self.pace.tick(&frame, begun);
         let has_people = match self.people.lanes.begin(tick) {
@@ -281,7 +284,7 @@ impl<'a> Frames<'a> {
         };
         let shown = self.figures.frames.shown;
         let reads = self.observer.wants_pictures(shown, has_people);
-        match self.draw(session, &eyes, gazes, &controls, reads) {
+        match self.draw(session, &eyes, &controls, reads) {
             Ok(Drawn::Picture) => {}
             Ok(Drawn::Renewed(_) | Drawn::Lost) => {
                 session.skip(frame)?;
@@ -314,29 +317,11 @@ impl<'a> Frames<'a> {
         Ok(None)
     }
 
-    /// Has the wearer watched by whoever asked for it. Returns where their eyes look, left and right, for a listener.
-    fn watch_wearer(
-        &self,
-        session: &mut Session,
-        frame: &Frame,
-    ) -> Result<[Option<Gaze>; 2], SessionError> {
-        let Some(slot) = &self.wearer else {
-            return Ok(match &self.gaze {
-                Some(_) => session.gazes(frame),
-                None => [None; 2],
-            });
-        };
-        let wearer = session.wearer(frame)?;
-        slot.put(wearer);
-        Ok(wearer.gazes)
-    }
-
     /// Puts all people in their places and draws them into the headset's next images, which may be read back.
     fn draw(
         &mut self,
         session: &mut Session,
         eyes: &Eyes,
-        gazes: [Option<Gaze>; 2],
         controls: &Controls,
         reads: bool,
     ) -> Result<Drawn, SessionError> {
@@ -345,13 +330,7 @@ impl<'a> Frames<'a> {
             hands: controls.hands,
         };
         self.places.update(&mut self.people, &viewer)?;
-        if let (Some(listener), Some(floor_from_person)) = (&self.gaze, self.places.of_first()) {
-            listener.looked(&WearerView {
-                floor_from_head: eyes.floor_from_head,
-                gazes,
-                floor_from_person,
-            });
-        }
+        (self.gaze).tell(eyes.floor_from_head, self.places.of_first());
         self.panel.press(controls);
         if controls.overlay_toggled {
             self.panel.toggle(session, eyes.floor_from_head)?;

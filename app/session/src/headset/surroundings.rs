@@ -1,7 +1,7 @@
 //! What is around the people: the viewer's room, a studio or a scene; where they stand in it; their shadows.
 
 use crate::display::LiveSession;
-use crate::presence::{Presence, Standing, Viewer, contact_shadow};
+use crate::presence::{Presence, Standing, Viewer, contact_shadow, first_apart};
 use app_pipeline::error::ReceiverError;
 use glam::Affine3A;
 use renderer_openxr::eyes::Surround;
@@ -42,7 +42,7 @@ impl Places {
     /// floor_from_person of the first person whose pose is known, apart from the viewer.
     pub(super) fn of_first(&self) -> Option<Affine3A> {
         let own = (self.floor_from_person.len()).saturating_sub(self.standing.len());
-        let first = self.standing.iter().position(Option::is_some)?;
+        let first = first_apart(&self.standing, 0)?;
         self.floor_from_person.get(own + first).copied()
     }
 

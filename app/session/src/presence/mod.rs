@@ -19,6 +19,7 @@ pub use people::{APART, Presence};
 pub use place::DISTANCE;
 pub use seat::Seated;
 pub use shadow::{ContactShadow, SHADOW_GAUSSIANS, contact_shadow};
+pub(crate) use standing::first_apart;
 pub use standing::{BODY_JOINTS, SOLE_POINTS, Standing};
 pub use viewer::Viewer;
 

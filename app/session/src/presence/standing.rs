@@ -37,6 +37,13 @@ pub struct Standing {
     pub(super) heading: f32,
 }
 
+/// The first person whose pose is known, apart from the first `own` ones, who are the viewer.
+pub(crate) fn first_apart(standing: &[Option<Standing>], own: usize) -> Option<usize> {
+    let others = standing.iter().enumerate().skip(own);
+    let mut known = others.filter(|(_, standing)| standing.is_some());
+    known.next().map(|(person, _)| person)
+}
+
 impl Standing {
     /// From the avatar's skeleton and what it is shown to do. Nothing where a number is not finite or a kilometre away.
     #[must_use]

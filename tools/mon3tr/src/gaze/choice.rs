@@ -73,7 +73,37 @@ impl GazeChoice {
     /// # Errors
     /// If there can be none where the call is shown, the file holds none, or the address cannot be had.
     pub(crate) fn open(&self, sight: Sight) -> anyhow::Result<Gaze> {
-        let source = match (self, sight) {
+        self.check_sight(sight)?;
+        let source = match self {
+            Self::Mouse => Source::Mouse {
+                at: None,
+                left: None,
+            },
+            Self::File(file) => Source::File(Arc::new(Track::read(file)?)),
+            Self::Stdin => Source::Live(Live::stdin()?),
+            Self::Udp(address) => {
+                let (live, address) = Live::udp(*address)?;
+                log::info!("a gaze is taken at {address}, by UDP");
+                Source::Live(live)
+            }
+        };
+        Ok(Gaze::of(source, self.to_string()))
+    }
+
+    /// What can be said before it is opened, by another program.
+    ///
+    /// # Errors
+    /// If there can be none where the call is shown, or the file holds none.
+    pub(crate) fn check(&self, sight: Sight) -> anyhow::Result<()> {
+        self.check_sight(sight)?;
+        match self {
+            Self::File(file) => Track::read(file).map(drop),
+            Self::Mouse | Self::Stdin | Self::Udp(_) => Ok(()),
+        }
+    }
+
+    fn check_sight(&self, sight: Sight) -> anyhow::Result<()> {
+        match (self, sight) {
             (_, Sight::Nothing) => {
                 bail!("--gaze moves the camera, and nothing is drawn here: leave one of them out")
             }
@@ -81,19 +111,8 @@ impl GazeChoice {
                 "--gaze mouse follows the mouse in a window, and pictures on disk have none: show a window, or give a file of \
                  gaze samples"
             ),
-            (Self::Mouse, Sight::Window) => Source::Mouse {
-                at: None,
-                left: None,
-            },
-            (Self::File(file), _) => Source::File(Arc::new(Track::read(file)?)),
-            (Self::Stdin, _) => Source::Live(Live::stdin()?),
-            (Self::Udp(address), _) => {
-                let (live, address) = Live::udp(*address)?;
-                log::info!("a gaze is taken at {address}, by UDP");
-                Source::Live(live)
-            }
-        };
-        Ok(Gaze::of(source, self.to_string()))
+            _ => Ok(()),
+        }
     }
 
     /// Refuses samples from standard input.

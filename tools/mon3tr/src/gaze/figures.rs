@@ -1,6 +1,6 @@
 //! What a gaze did to the camera, for reports.
 
-use super::sample::View;
+use super::sample::LineOfSight;
 use serde::Serialize;
 
 /// How far the camera went around the person.
@@ -14,7 +14,7 @@ pub(crate) struct GazeFigures {
     yaw_degrees: [f32; 2],
     /// Furthest down (negative) and up, degrees.
     pitch_degrees: [f32; 2],
-    /// Of a live source: samples that were taken, and lines that were none.
+    /// Of a live source: samples that were taken, lines that were none, and samples that were passed over: late, or another sender's.
     #[serde(skip_serializing_if = "Option::is_none")]
     live: Option<LiveFigures>,
     /// Where the camera stood last, if it stood where a headset's wearer did.
@@ -27,6 +27,7 @@ pub(crate) struct GazeFigures {
 struct LiveFigures {
     samples: u64,
     refused: u64,
+    passed_over: u64,
 }
 
 /// A camera of a headset's wearer, as it was last, metres in the motion space of the first person.
@@ -49,7 +50,7 @@ impl GazeFigures {
     }
 
     /// A picture's camera was nearly a wearer's.
-    pub(super) fn note_view(&mut self, view: &View) {
+    pub(super) fn note_view(&mut self, view: &LineOfSight) {
         self.view = Some(ViewFigures {
             pictures: self.view.map_or(0, |view| view.pictures) + 1,
             eye: view.eye.to_array(),
@@ -58,8 +59,12 @@ impl GazeFigures {
     }
 
     /// At the end: what came of a live source.
-    pub(super) fn note_live(&mut self, [samples, refused]: [u64; 2]) {
-        self.live = Some(LiveFigures { samples, refused });
+    pub(super) fn note_live(&mut self, [samples, refused, passed_over]: [u64; 3]) {
+        self.live = Some(LiveFigures {
+            samples,
+            refused,
+            passed_over,
+        });
     }
 
     /// One picture's camera was turned so far, radians.

@@ -3,7 +3,7 @@
 use super::BLINK;
 use super::sample::{Sample, is_heading, read};
 use anyhow::Context;
-use std::io::{BufRead, ErrorKind, Read};
+use std::io::{self, BufRead, ErrorKind, Read};
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
@@ -16,11 +16,9 @@ const LONGEST: usize = 1024;
 /// Between two looks whether anything still needs the gaze.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// After the newest datagram was taken, so that a flood of them costs little: no display shows more than one gaze in it.
+/// Between two looks for datagrams, and how many are read at each: a flood of them costs little, and no display shows more than one gaze in it.
 const REST: Duration = Duration::from_millis(2);
-
-/// Datagrams that are passed over at once for a newer one.
-const MOST_PASSED: usize = 64;
+const MOST_AT_ONCE: usize = 16;
 
 /// The newest sample. Copies are the same one.
 #[derive(Debug, Clone)]
@@ -31,6 +29,7 @@ struct Newest {
     sample: Mutex<Option<(Instant, Sample)>>,
     taken: AtomicU64,
     refused: AtomicU64,
+    passed_over: AtomicU64,
 }
 
 impl Live {
@@ -39,7 +38,7 @@ impl Live {
     /// # Errors
     /// If there is no thread for it.
     pub(super) fn stdin() -> anyhow::Result<Self> {
-        Self::read_by(|newest| follow(std::io::stdin().lock(), newest))
+        Self::read_by(|newest| follow(io::stdin().lock(), newest))
     }
 
     /// Of who sends to this address of this machine, and where that is.
@@ -53,7 +52,7 @@ impl Live {
             let bound = socket.local_addr()?;
             Ok((socket, bound))
         };
-        let bound: std::io::Result<_> = bind();
+        let bound: io::Result<_> = bind();
         let (socket, bound) = bound.with_context(|| format!("cannot take a gaze at {address}"))?;
         Ok((Self::read_by(move |newest| listen(&socket, newest))?, bound))
     }
@@ -74,9 +73,15 @@ impl Live {
         (now.saturating_duration_since(came) <= sample.lasts()).then_some(sample)
     }
 
-    /// How many samples were taken, and how many lines were none.
-    pub(super) fn counts(&self) -> [u64; 2] {
-        [&self.0.taken, &self.0.refused].map(|count| count.load(Relaxed))
+    /// How many samples were taken, how many lines were none, and how many samples were passed over: late, or of another sender.
+    pub(super) fn counts(&self) -> [u64; 3] {
+        let Newest {
+            taken,
+            refused,
+            passed_over,
+            ..
+        } = &*self.0;
+        [taken, refused, passed_over].map(|count| count.load(Relaxed))
     }
 }
 
@@ -85,21 +90,40 @@ impl Newest {
         self.sample.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes what was read of a line. While eyes are shut the last gaze stands in for them.
-    fn take(&self, read: anyhow::Result<Option<Sample>>) {
-        match read {
-            Ok(Some(sample)) => {
-                *self.lock() = Some((Instant::now(), sample));
-                self.taken.fetch_add(1, Relaxed);
+    fn take(&self, sample: Sample) {
+        *self.lock() = Some((Instant::now(), sample));
+        self.taken.fetch_add(1, Relaxed);
+    }
+
+    /// What a line says, if it is no heading and no remark: its time, and a sample unless eyes are shut, for which the last gaze stands in. Counts
+    /// what is none.
+    fn read(&self, line: anyhow::Result<&[u8]>) -> Option<(f64, Option<Sample>)> {
+        let said = line.and_then(|line| {
+            if is_heading(line) {
+                Ok(None)
+            } else {
+                read(line)
             }
-            Ok(None) => {}
-            Err(why) => {
-                if self.refused.fetch_add(1, Relaxed) == 0 {
-                    log::warn!(
-                        "a line of gaze is none and is passed over, as the next of its kind will be: {why:#}"
-                    );
-                }
+        });
+        said.unwrap_or_else(|why| {
+            if self.refused.fetch_add(1, Relaxed) == 0 {
+                log::warn!(
+                    "a line of gaze is none and is passed over, as the next of its kind will be: {why:#}"
+                );
             }
+            None
+        })
+    }
+
+    /// Takes note of a sample that is not taken.
+    fn pass_over(&self, from: SocketAddr, sender: SocketAddr) {
+        if self.passed_over.fetch_add(1, Relaxed) == 0 {
+            let why = if from == sender {
+                "it came after a newer one".to_owned()
+            } else {
+                format!("one at a time is followed, and that is {sender}")
+            };
+            log::info!("a gaze from {from} is passed over, as the next of its kind will be: {why}");
         }
     }
 }
@@ -129,13 +153,14 @@ fn follow(mut lines: impl BufRead, newest: &Weak<Newest>) {
         if is_of_longer {
             continue;
         }
-        newest.take(if is_cut {
+        let whole = if is_cut {
             Err(too_long())
-        } else if is_heading(&line) {
-            Ok(None)
         } else {
-            read(&line).map(|line| line.and_then(|(_, sample)| sample))
-        });
+            Ok(&line[..])
+        };
+        if let Some((_, Some(sample))) = newest.read(whole) {
+            newest.take(sample);
+        }
     }
 }
 
@@ -152,70 +177,95 @@ struct Sender {
     heard: Instant,
 }
 
+/// Who is followed.
+#[derive(Debug, Default)]
+struct Followed(Option<Sender>);
+
+impl Followed {
+    /// Whether a sample of this sender and time is to be taken: not one that the network delayed behind a newer one, and no other sender's before
+    /// this one has been silent for a blink. If not, who is followed.
+    fn admit(&mut self, address: SocketAddr, seconds: f64, now: Instant) -> Result<(), SocketAddr> {
+        let is_heard = |last: &Sender| now.saturating_duration_since(last.heard) <= BLINK;
+        if let Some(last) = self.0.filter(is_heard)
+            && (last.address != address || seconds <= last.seconds)
+        {
+            return Err(last.address);
+        }
+        self.0 = Some(Sender {
+            address,
+            seconds,
+            heard: now,
+        });
+        Ok(())
+    }
+}
+
 /// Takes datagrams, a line each, until nothing needs them.
 fn listen(socket: &UdpSocket, newest: &Weak<Newest>) {
-    let mut bytes = [0; LONGEST + 1];
-    let mut sender: Option<Sender> = None;
+    let mut followed = Followed::default();
     loop {
-        let received = receive(socket, &mut bytes, sender.map(|sender| sender.address));
+        let mut came = next(socket);
         let Some(newest) = newest.upgrade() else {
             return;
         };
-        let (length, from) = match received {
-            Ok(received) => received,
-            Err(error) if is_passing(&error) => continue,
-            Err(error) => {
-                log::warn!("no more gaze comes: {error}");
-                return;
+        // The rest of those that are there.
+        for left in (0..MOST_AT_ONCE).rev() {
+            match &came {
+                Ok((from, line)) => {
+                    if let Some((seconds, sample)) = newest.read(line.whole()) {
+                        match (followed.admit(*from, seconds, Instant::now()), sample) {
+                            (Ok(()), Some(sample)) => newest.take(sample),
+                            (Ok(()), None) => {}
+                            (Err(sender), _) => newest.pass_over(*from, sender),
+                        }
+                    }
+                }
+                Err(error) if is_passing(error) => break,
+                Err(error) => {
+                    log::warn!("no more gaze comes: {error}");
+                    return;
+                }
             }
-        };
-        let now = Instant::now();
-        let last = sender.filter(|sender| now.saturating_duration_since(sender.heard) <= BLINK);
-        if last.is_some_and(|last| last.address != from) {
-            continue;
+            if left > 0 {
+                came = at_once(socket);
+            }
         }
-        let line = bytes.get(..length).filter(|_| length <= LONGEST);
-        newest.take(line.ok_or_else(too_long).and_then(read).map(|line| {
-            let (seconds, sample) = line?;
-            // The network may change their order.
-            if last.is_some_and(|last| seconds <= last.seconds) {
-                return None;
-            }
-            sender = Some(Sender {
-                address: from,
-                seconds,
-                heard: now,
-            });
-            sample
-        }));
         thread::sleep(REST);
     }
 }
 
-/// Waits for a datagram, and takes the newest of those that are there, of `sender` if there is one of theirs.
-fn receive(
-    socket: &UdpSocket,
-    bytes: &mut [u8; LONGEST + 1],
-    sender: Option<SocketAddr>,
-) -> std::io::Result<(usize, SocketAddr)> {
-    let mut received = socket.recv_from(bytes)?;
-    socket.set_nonblocking(true)?;
-    let mut next = [0; LONGEST + 1];
-    for _ in 0..MOST_PASSED {
-        let Ok((length, from)) = socket.recv_from(&mut next) else {
-            break;
-        };
-        if sender.is_none_or(|sender| sender == from || sender != received.1) {
-            received = (length, from);
-            *bytes = next;
-        }
+/// What a datagram holds.
+struct Datagram {
+    bytes: [u8; LONGEST + 1],
+    length: usize,
+}
+
+impl Datagram {
+    fn whole(&self) -> anyhow::Result<&[u8]> {
+        let bytes = self.bytes.get(..self.length);
+        bytes
+            .filter(|_| self.length <= LONGEST)
+            .ok_or_else(too_long)
     }
+}
+
+/// Waits for a datagram.
+fn next(socket: &UdpSocket) -> io::Result<(SocketAddr, Datagram)> {
+    let mut bytes = [0; LONGEST + 1];
+    let (length, from) = socket.recv_from(&mut bytes)?;
+    Ok((from, Datagram { bytes, length }))
+}
+
+/// A datagram that is there.
+fn at_once(socket: &UdpSocket) -> io::Result<(SocketAddr, Datagram)> {
+    socket.set_nonblocking(true)?;
+    let came = next(socket);
     socket.set_nonblocking(false)?;
-    Ok(received)
+    came
 }
 
 /// Whether the next datagram may come all the same.
-fn is_passing(error: &std::io::Error) -> bool {
+fn is_passing(error: &io::Error) -> bool {
     matches!(
         error.kind(),
         ErrorKind::WouldBlock

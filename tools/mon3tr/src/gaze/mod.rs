@@ -23,7 +23,7 @@ use glam::Vec3;
 use live::Live;
 use renderer_splat::camera::Camera;
 use rule::GazeCamera;
-use sample::{Sample, View};
+use sample::{LineOfSight, Sample};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use track::Track;
@@ -121,7 +121,7 @@ impl Gaze {
         if share > 0.5 {
             self.figures.note_view(&view);
         }
-        let without = View {
+        let without = LineOfSight {
             eye: camera.position(),
             direction: people.heading * viewpoint.direction(),
         };

@@ -27,18 +27,18 @@ pub(super) enum Sample {
     /// At a place of the picture.
     At(Place),
     /// From a place of the room.
-    From(View),
+    From(LineOfSight),
 }
 
 /// A line of sight, in the motion space of the first person, metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct View {
+pub(super) struct LineOfSight {
     pub(super) eye: Vec3,
     /// Of length 1.
     pub(super) direction: Vec3,
 }
 
-impl View {
+impl LineOfSight {
     /// The same line of sight in the space that the rigid `space_from_motion` leads to.
     pub(super) fn placed(&self, space_from_motion: &Affine3A) -> Self {
         Self {
@@ -176,7 +176,7 @@ fn place(x: Option<f64>, y: Option<f64>) -> anyhow::Result<Option<Place>> {
     Ok(Some([share(x), share(y)]))
 }
 
-fn view(eye: [f64; 3], towards: [f64; 3]) -> anyhow::Result<View> {
+fn view(eye: [f64; 3], towards: [f64; 3]) -> anyhow::Result<LineOfSight> {
     for (name, place) in [("eye", eye), ("towards", towards)] {
         ensure!(
             place.iter().all(|metres| metres.abs() <= FURTHEST),
@@ -185,7 +185,7 @@ fn view(eye: [f64; 3], towards: [f64; 3]) -> anyhow::Result<View> {
     }
     let [eye, towards] = [eye, towards].map(DVec3::from_array);
     let direction = (towards - eye).try_normalize();
-    Ok(View {
+    Ok(LineOfSight {
         eye: eye.as_vec3(),
         direction: (direction.context("eye and towards are one place: nothing is looked at")?)
             .as_vec3(),

@@ -82,7 +82,7 @@ impl Track {
 
 #[cfg(test)]
 mod tests {
-    use super::super::sample::View;
+    use super::super::sample::LineOfSight;
     use super::*;
     use glam::Vec3;
 
@@ -134,7 +134,7 @@ mod tests {
         );
         let track = Track::parse(text.as_bytes()).expect("views");
         let view = |x, y, z| {
-            Some(Sample::From(View {
+            Some(Sample::From(LineOfSight {
                 eye: Vec3::new(0.0, 1.6, 2.0),
                 direction: Vec3::new(x, y, z),
             }))
@@ -207,9 +207,23 @@ mod tests {
     #[test]
     fn whatever_the_bytes_are_reading_them_ends_with_samples_in_order_or_an_error() {
         let mut random = fastrand::Rng::with_seed(3);
-        let words: [&[u8]; 14] = [
-            b"0", b"1.5", b",", b",", b"\n", b"{", b"}", b"\"x\":", b"nan", b"-", b"e9", b" ",
-            b"\xc3", b"#",
+        let words: [&[u8]; 16] = [
+            b"0",
+            b"1.5",
+            b",",
+            b",",
+            b"\n",
+            b"{",
+            b"}",
+            b"\"x\":",
+            b"nan",
+            b"-",
+            b"e9",
+            b" ",
+            b"\xc3",
+            b"#",
+            b"{\"seconds\":1,\"eye\":[0,1.6,",
+            b"2],\"towards\":[0,1.5,0]}",
         ];
         for _ in 0..20_000 {
             let text: Vec<u8> = (0..random.usize(0..24))
@@ -226,5 +240,35 @@ mod tests {
                 assert!(track.samples.iter().all(within), "{text:?}");
             }
         }
+    }
+
+    #[test]
+    fn a_line_of_sight_that_is_cut_or_changed_is_read_in_bounds_or_refused() {
+        let line = b"{\"seconds\":12.5,\"eye\":[0.25,1.6,2],\"towards\":[0,-1.5e0,0]}";
+        let mut random = fastrand::Rng::with_seed(5);
+        let mut read = 0;
+        for round in 0..20_000 {
+            let mut text = line.to_vec();
+            if round < line.len() {
+                text.truncate(round);
+            }
+            for _ in 0..random.usize(1..4) {
+                if let Some(byte) = random.choice(text.iter_mut()) {
+                    *byte = random.u8(b' '..=b'~');
+                }
+            }
+            let Ok(track) = Track::parse(&text) else {
+                continue;
+            };
+            for (_, sample) in &track.samples {
+                let Sample::From(sight) = sample else {
+                    panic!("{sample:?}");
+                };
+                assert!(sight.direction.is_normalized(), "{sample:?}");
+                assert!(sight.eye.abs().max_element() <= 1_000.0, "{sample:?}");
+                read += 1;
+            }
+        }
+        assert!(read > 200, "some of it stays a line: {read}");
     }
 }

@@ -3,7 +3,7 @@
 //! It stays upright, goes where the head goes within a tenth of a second, and turns more slowly: eyes dart about, and who watches a screen sees a
 //! picture that darts with them as a shaking one. It comes and goes smoothly: between the camera without a gaze and this one it is on the way.
 
-use super::sample::View;
+use super::sample::LineOfSight;
 use super::spring::Spring;
 use glam::Vec3;
 use std::time::Duration;
@@ -13,7 +13,7 @@ const EYE: f32 = 16.0;
 const DIRECTION: f32 = 6.0;
 const SHARE: f32 = 4.0;
 
-/// Vertical field of view, degrees: at arm's length from one another's hands, 1.6 m, from the top of a person's head to the hips.
+/// Vertical field of view, degrees: a person 1.6 m away is in it from above the head to the hips.
 pub(super) const FOV_DEGREES: f32 = 50.0;
 
 /// Less of it is nothing.
@@ -37,7 +37,11 @@ struct Followed {
 impl ViewCamera {
     /// After `elapsed` with the wearer's view there, or none: how much the camera is theirs, 0 to 1, and their view; nothing where it is not
     /// theirs at all.
-    pub(super) fn follow(&mut self, view: Option<View>, elapsed: Duration) -> Option<(f32, View)> {
+    pub(super) fn follow(
+        &mut self,
+        view: Option<LineOfSight>,
+        elapsed: Duration,
+    ) -> Option<(f32, LineOfSight)> {
         if let Some(view) = view {
             let followed = self.followed.get_or_insert(Followed {
                 eye: Spring::resting(view.eye),
@@ -53,7 +57,7 @@ impl ViewCamera {
             *self = Self::default();
         }
         let followed = self.followed.as_ref()?;
-        let view = View {
+        let view = LineOfSight {
             eye: followed.eye.at,
             // From one side to the other it passes the middle, where it has no length for a moment.
             direction: followed.direction.at.normalize_or(Vec3::NEG_Z),
@@ -68,8 +72,8 @@ mod tests {
 
     const STEP: Duration = Duration::from_millis(10);
 
-    fn view(eye: Vec3, direction: Vec3) -> View {
-        View { eye, direction }
+    fn view(eye: Vec3, direction: Vec3) -> LineOfSight {
+        LineOfSight { eye, direction }
     }
 
     #[test]

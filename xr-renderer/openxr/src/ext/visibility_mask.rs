@@ -49,7 +49,7 @@ impl fmt::Display for Wrong {
             Self::NoSuchCorner { index } => write!(f, "it has no corner {index}"),
             Self::NotFinite => f.write_str("a corner is infinite or no number"),
             Self::HidesMost { share } => {
-                write!(f, "it shows {:.0} % of the picture", share * 100.0)
+                write!(f, "it shows only {:.0} % of the picture", share * 100.0)
             }
             Self::HidesAhead => f.write_str("it hides what is straight ahead"),
         }

@@ -90,8 +90,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     show.view.get_or_insert(Viewpoint::FRONT);
     let mut person = options.person.clone();
     show.sound.tell(person.voice.cancel_echo());
-    show.check()?;
-    show.check_gaze_source("that is where a call's keys are typed")?;
+    show.check_in_call()?;
     let (me, avatar) = options.me()?;
     let line = Line::open(&options.trust)?;
     // Not by the command line's own parser, which repeats what it refuses: it has a token.

@@ -123,11 +123,11 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     if let Some(gaze) = &options.gaze {
         gaze.check_no_stdin("the demo's receiver has none")?;
         // The receiver opens it for itself.
-        drop(gaze.open(match options.display {
+        gaze.check(match options.display {
             Display::Window => Sight::Window,
             Display::Offscreen => Sight::Offscreen,
             Display::Xr => Sight::Nothing,
-        })?);
+        })?;
     }
     let runtime = device.runtime()?;
     // A headset's runtime says which device it is drawn on, and opens it for the receiver.

@@ -23,6 +23,7 @@ use crate::until::Until;
 use crate::viewpoint::Viewpoint;
 use anyhow::bail;
 use app_session::participant::NetworkContext;
+use call_member::GazeFeed;
 use clap::ValueEnum;
 use link_protocol::RoomLink;
 use link_voice::VoiceQueue;
@@ -30,6 +31,7 @@ pub(crate) use report::Report;
 use samples::Samples;
 use screen::NO_PICTURES;
 pub(crate) use screen::Screen;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -89,8 +91,8 @@ pub(crate) struct ShowOptions {
     #[arg(long, value_name = "mouse|FILE|-|udp:PORT")]
     gaze: Option<GazeChoice>,
     /// With a headset: send where its wearer is and looks to the --gaze of a second screen, as JSON lines by UDP, unencrypted
-    #[arg(long, value_name = "HOST:PORT")]
-    gaze_to: Option<String>,
+    #[arg(long, value_name = "HOST:PORT", value_parser = GazeFeed::resolve)]
+    gaze_to: Option<SocketAddr>,
     #[command(flatten)]
     pub(crate) sound: SoundOptions,
     #[command(flatten)]
@@ -126,12 +128,21 @@ impl ShowOptions {
         }
         self.sound.file().map_or(Ok(()), check_writable)
     }
-}
 
-impl ShowOptions {
-    /// That the gaze does not come from standard input. `why` says what is there instead.
-    pub(crate) fn check_gaze_source(&self, why: &str) -> anyhow::Result<()> {
-        (self.gaze.as_ref()).map_or(Ok(()), |gaze| gaze.check_no_stdin(why))
+    /// [`Self::check`] in a call both ways.
+    ///
+    /// # Errors
+    /// As there, and if a gaze cannot come or go in such a call.
+    pub(crate) fn check_in_call(&self) -> anyhow::Result<()> {
+        self.check()?;
+        if self.gaze_to.is_some() {
+            bail!(
+                "--gaze-to is for `receive`: in a call everyone has other people before them, and a second screen would stand elsewhere"
+            );
+        }
+        let typed =
+            |gaze: &GazeChoice| gaze.check_no_stdin("that is where a call's keys are typed");
+        self.gaze.as_ref().map_or(Ok(()), typed)
     }
 }
 

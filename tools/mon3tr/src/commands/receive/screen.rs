@@ -150,7 +150,7 @@ impl Screen {
         if let Some(folder) = &options.out {
             make_folder(folder)?;
         }
-        let feed = options.gaze_to.as_deref().map(GazeFeed::to);
+        let feed = options.gaze_to.map(GazeFeed::new);
         Ok(Self::Headset {
             headset: Some(Box::new(headset)),
             runtime: device.runtime()?,
