@@ -1,4 +1,4 @@
-// Ours and the peer by turns on one scene, camera and size; both scored against the f64 reference; a table and JSON.
+// Ours and a peer by turns on one scene, camera and size; both scored against the f64 reference; a table and JSON.
 
 import { execFile, spawnSync } from 'node:child_process';
 import { constants, existsSync } from 'node:fs';
@@ -8,15 +8,20 @@ import path from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { parseArgs, promisify } from 'node:util';
 import { PeerBrowser, SOFTWARE_GL } from './peer.mjs';
+import { PeerProgram } from './rust-peer.mjs';
 
 const here = path.dirname(fileURLToPath(import.meta.url));
 const repo = path.resolve(here, '../..');
 const cache = path.join(process.env.MON3TR_CACHE, 'bench-peers');
 const run = promisify(execFile);
 
+/** Peers by name; another may be named by its program's file. */
+const BROWSER_PEER = 'gaussian-splats-3d';
+const RUST_PEER = 'wgpu-3dgs-viewer';
+
 const HELP = `Usage: tools/bench-peers/run (--scene FILE.ply | --person COUNT) [OPTIONS]
 
-Draws one scene with our renderer and with @mkkellogg/gaussian-splats-3d in headless Chromium on software GL, by turns.
+Draws one scene with our renderer and with a peer, by turns.
 
   --scene FILE        a standard 3DGS PLY
   --person COUNT      the demo person instead, baked with so many Gaussians (150k) and posed; kept in the cache
@@ -25,8 +30,10 @@ Draws one scene with our renderer and with @mkkellogg/gaussian-splats-3d in head
   --size WxH          picture size; the camera keeps its vertical field of view [default: 1024x1024]
   --rounds N          turns of each [default: 5]
   --frames N          counted frames in a turn, after one that is not [default: 8]
+  --peer NAME         ${BROWSER_PEER} (in headless Chromium on software GL), ${RUST_PEER} (on our programs' Vulkan
+                      driver), or the file of a program that answers as rust-peer/ does [default: ${BROWSER_PEER}]
   --gl NAME           ${Object.keys(SOFTWARE_GL).join(' or ')}: what the browser draws with [default: ${Object.keys(SOFTWARE_GL)[0]}]
-  --peer-options JSON more options of the peer's Viewer, e.g. {"integerBasedSort":false}
+  --peer-options JSON more options of ${BROWSER_PEER}'s Viewer, e.g. {"integerBasedSort":false}
   --only SIDE         ours or peer
   --ours PROGRAM      run this with the same arguments instead of ./run bench render (an older build, say)
   --chromium FILE     the browser [default: chromium, as found in PATH]
@@ -54,7 +61,7 @@ function arguments_() {
 			options: {
 				scene: text, person: text, cameras: text, id: text, size: { ...text, default: '1024x1024' },
 				rounds: { ...text, default: '5' }, frames: { ...text, default: '8' },
-				gl: { ...text, default: Object.keys(SOFTWARE_GL)[0] }, 'peer-options': { ...text, default: '{}' },
+				peer: { ...text, default: BROWSER_PEER }, gl: { ...text, default: Object.keys(SOFTWARE_GL)[0] }, 'peer-options': { ...text, default: '{}' },
 				only: text, ours: text, chromium: text, out: text, json: text,
 				verbose: { type: 'boolean' }, help: { type: 'boolean', short: 'h' },
 			},
@@ -75,6 +82,9 @@ function arguments_() {
 		return number;
 	};
 	if (!(values.gl in SOFTWARE_GL)) throw new Trouble(`--gl ${values.gl}: there is ${Object.keys(SOFTWARE_GL).join(' and ')}`);
+	if (![BROWSER_PEER, RUST_PEER].includes(values.peer) && !existsSync(values.peer)) {
+		throw new Trouble(`--peer ${values.peer}: there is ${BROWSER_PEER} and ${RUST_PEER}, and no such file`);
+	}
 	if (values.only && !['ours', 'peer'].includes(values.only)) throw new Trouble('--only is ours or peer');
 	return {
 		...values,
@@ -133,7 +143,7 @@ async function header(scene) {
 	return { gaussians: Number(/element vertex (\d+)/.exec(text)?.[1]), degree };
 }
 
-/** The chosen camera at the chosen size, written where all three renderers find it. */
+/** The chosen camera at the chosen size, written where all renderers find it. */
 async function cameraFor(args) {
 	const text = await readFile(args.cameras, 'utf8').catch((why) => {
 		throw new Trouble(`cannot read the cameras ${args.cameras}: ${why.message}`);
@@ -178,9 +188,17 @@ async function oursTurn(args, scene, cameraFile, picture) {
 }
 
 async function peerTurn(args, peer, picture) {
-	const { picture: png, ...times } = await peer.frames(args.frames + 1, true);
-	await writeFile(picture, png);
+	const times = await peer.frames(args.frames + 1, picture);
 	return Object.fromEntries(Object.entries(times).map(([name, list]) => [name, list.slice(1)]));
+}
+
+/** Builds the Rust peer below the cache, and resolves to its program. */
+async function rustPeer() {
+	const target = path.join(cache, RUST_PEER);
+	if (!existsSync(target)) console.error(`Building ${RUST_PEER} (minutes; kept in ${target})`);
+	const build = 'eval "$(./run env 2>/dev/null)" && cargo build --quiet --release --locked --manifest-path "$1" --target-dir "$2"';
+	await ours('bash', ['-c', build, 'build', path.join(here, 'rust-peer/Cargo.toml'), target]);
+	return path.join(target, 'release/rust-peer');
 }
 
 /** Share of all cores that others use now: the same work twice as fast or as slow is the rule on a shared machine. */
@@ -219,31 +237,39 @@ function table(rows) {
 
 async function main() {
 	const args = arguments_();
+	const withPeer = args.sides.includes('peer');
+	const inBrowser = withPeer && args.peer === BROWSER_PEER;
 	// Before the bake, which takes minutes.
-	const chromium = args.sides.includes('peer') ? await findChromium(args.chromium) : null;
+	const chromium = inBrowser ? await findChromium(args.chromium) : null;
 	await mkdir(args.out, { recursive: true });
 	await mkdir(cache, { recursive: true });
 	const scene = args.person ? await person(args.person) : path.resolve(args.scene);
 	const { gaussians, degree } = await header(scene);
 	const { camera, file: cameraFile } = await cameraFor(args);
 	const pictures = Object.fromEntries(args.sides.map((side) => [side, path.join(args.out, `${side}.png`)]));
+	const program = withPeer && !inBrowser ? (args.peer === RUST_PEER ? await rustPeer() : path.resolve(args.peer)) : null;
 	const others = await busy();
 
-	const peer = chromium ? new PeerBrowser() : null;
+	const peer = inBrowser ? new PeerBrowser() : program ? new PeerProgram() : null;
 	const turns = { ours: [], peer: [] };
 	let about = null;
 	try {
 		if (peer) {
-			const options = { sphericalHarmonicsDegree: Math.min(degree, 2), ...args.peerOptions };
-			about = await peer.start({
-				chromium: chromium.file, modules: path.join(cache, 'modules/node_modules'), scene,
-				camera: { ...camera, near: 0.05, far: 1000 }, options, gl: args.gl, verbose: args.verbose,
-			});
-			about = { ...about, chromium: chromium.version, options };
+			if (inBrowser) {
+				const options = { sphericalHarmonicsDegree: Math.min(degree, 2), ...args.peerOptions };
+				about = await peer.start({
+					chromium: chromium.file, modules: path.join(cache, 'modules/node_modules'), scene,
+					camera: { ...camera, near: 0.05, far: 1000 }, options, gl: args.gl, verbose: args.verbose,
+				});
+				about = { ...about, chromium: chromium.version, options };
+			} else {
+				about = await peer.start({ program, repo, scene, cameraFile, id: args.id, verbose: args.verbose });
+			}
+			about = { name: path.basename(args.peer), ...about };
 			if (about.gaussians !== gaussians) console.log(`Note: the peer keeps ${about.gaussians} of ${gaussians} Gaussians.`);
 			if (about.sh_degree !== degree) console.log(`Note: the peer draws SH degree ${about.sh_degree} of a scene of degree ${degree}.`);
 			// Shaders are compiled and memory is found in the first frames.
-			await peer.frames(3, false);
+			await peer.frames(3);
 		}
 		for (let round = 0; round < args.rounds; round++) {
 			for (const side of args.sides) {
@@ -268,14 +294,15 @@ async function main() {
 		['peer', 'draw_ms', '  of it draw'],
 		['peer', 'sort_ms', '  of it sort, as waited for'],
 		['peer', 'sort_worker_ms', '  of it sort, in its worker'],
-	].filter(([side]) => args.sides.includes(side));
+	].filter(([side, name]) => turns[side].some((turn) => turn[name]));
 	const times = kinds.map(([side, name, label]) => ({ side, name, label, ...summary(turns[side], name) }));
-	const ratios = args.sides.length < 2 ? null : { total: ratio(turns, 'total_ms'), draw_alone: ratio(turns, 'draw_ms') };
+	const ratios = args.sides.length < 2 ? null : { total: ratio(turns, 'total_ms') };
+	if (ratios && turns.peer[0].draw_ms) ratios.draw_alone = ratio(turns, 'draw_ms');
 
 	const db = (value) => (value === null ? 'exact' : value.toFixed(1));
 	console.log(`${path.basename(scene)}: ${gaussians} Gaussians, SH degree ${degree}, ${args.width}x${args.height}, camera ${args.id} (${camera.img_name})`);
 	console.log(`${os.cpus()[0]?.model.trim()}, ${os.cpus().length} cores, ${Math.round(100 * others)} % busy with other work before`);
-	if (about) console.log(`peer: ${about.chromium}, ${about.gl}`);
+	if (about) console.log(`peer: ${[about.name, about.chromium, about.gl ?? about.device].filter(Boolean).join(', ')}`);
 	console.log(`${args.rounds} turns each, alternating, of ${args.frames} frames\n`);
 	table([
 		['ms a frame', 'median', 'turns', 'dB covered', 'dB whole'],
@@ -288,7 +315,7 @@ async function main() {
 	if (ratios) {
 		const say = ({ median: middle, turns: [low, high] }) => `${middle.toFixed(3)} (turns ${low.toFixed(3)}..${high.toFixed(3)})`;
 		console.log(`\nours / peer:                 ${say(ratios.total)}`);
-		console.log(`ours / peer without sorting: ${say(ratios.draw_alone)}`);
+		if (ratios.draw_alone) console.log(`ours / peer without sorting: ${say(ratios.draw_alone)}`);
 	}
 	console.log(`\npictures: ${[...Object.values(pictures), reference].map((file) => path.relative(process.cwd(), file)).join(' ')}`);
 	if (args.json) {

@@ -1,9 +1,9 @@
-// The peer in headless Chromium: serves the page, the scene and the peer's modules on the loopback interface, starts the
+// A peer in headless Chromium: serves the page, the scene and the peer's modules on the loopback interface, starts the
 // browser, and hands the page one batch of frames at a time. Between batches the page waits and uses no processor.
 
 import { spawn } from 'node:child_process';
 import { createReadStream } from 'node:fs';
-import { mkdtemp, rm } from 'node:fs/promises';
+import { mkdtemp, rm, writeFile } from 'node:fs/promises';
 import { createServer } from 'node:http';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
@@ -58,11 +58,11 @@ export class PeerBrowser {
 		return JSON.parse(await within(ready, 300, 'the peer has not loaded the scene', () => this.#stderr.slice(-2000)));
 	}
 
-	/** Draws `frames` frames, each sorted anew; keeps the last one's picture if told to. */
-	async frames(frames, keep) {
+	/** Draws `frames` frames, each sorted anew; writes the last one's picture if told where. */
+	async frames(frames, picture = null) {
 		this.#picture = null;
 		const done = this.#expect();
-		const work = JSON.stringify({ frames, keep });
+		const work = JSON.stringify({ frames, keep: picture !== null });
 		if (this.#waiting) {
 			send(this.#waiting, 'application/json', work);
 			this.#waiting = null;
@@ -70,7 +70,8 @@ export class PeerBrowser {
 			this.work = work;
 		}
 		const times = JSON.parse(await within(done, 60 + 20 * frames, 'the peer has not drawn its frames', () => this.#stderr.slice(-2000)));
-		return { ...times, picture: this.#picture };
+		if (picture) await writeFile(picture, this.#picture);
+		return times;
 	}
 
 	async close() {
@@ -143,7 +144,8 @@ function send(response, type, body) {
 	response.end(body);
 }
 
-async function within(promise, seconds, what, detail) {
+/** The promise's value, or what has not happened within so many seconds. */
+export async function within(promise, seconds, what, detail) {
 	let timer;
 	const late = new Promise((_, reject) => {
 		timer = setTimeout(() => reject(new Error(`${what} within ${seconds} s. ${detail()}`)), 1000 * seconds);
