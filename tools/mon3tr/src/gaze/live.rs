@@ -115,15 +115,29 @@ impl Newest {
         })
     }
 
-    /// Takes note of a sample that is not taken.
-    fn pass_over(&self, from: SocketAddr, sender: SocketAddr) {
-        if self.passed_over.fetch_add(1, Relaxed) == 0 {
-            let why = if from == sender {
-                "it came after a newer one".to_owned()
-            } else {
-                format!("one at a time is followed, and that is {sender}")
-            };
-            log::info!("a gaze from {from} is passed over, as the next of its kind will be: {why}");
+    /// Takes a datagram's line, if its sender is `followed` and it is not late.
+    fn hear(&self, followed: &mut Followed, from: SocketAddr, line: anyhow::Result<&[u8]>) {
+        let Some((seconds, sample)) = self.read(line) else {
+            return;
+        };
+        match followed.admit(from, seconds, Instant::now()) {
+            Ok(()) => {
+                if let Some(sample) = sample {
+                    self.take(sample);
+                }
+            }
+            Err(sender) => {
+                if self.passed_over.fetch_add(1, Relaxed) == 0 {
+                    let why = if from == sender {
+                        "it came after a newer one".to_owned()
+                    } else {
+                        format!("one at a time is followed, and that is {sender}")
+                    };
+                    log::info!(
+                        "a gaze from {from} is passed over, as the next of its kind will be: {why}"
+                    );
+                }
+            }
         }
     }
 }
@@ -204,30 +218,19 @@ impl Followed {
 fn listen(socket: &UdpSocket, newest: &Weak<Newest>) {
     let mut followed = Followed::default();
     loop {
-        let mut came = next(socket);
+        let mut awaited = Some(next(socket));
         let Some(newest) = newest.upgrade() else {
             return;
         };
-        // The rest of those that are there.
-        for left in (0..MOST_AT_ONCE).rev() {
-            match &came {
-                Ok((from, line)) => {
-                    if let Some((seconds, sample)) = newest.read(line.whole()) {
-                        match (followed.admit(*from, seconds, Instant::now()), sample) {
-                            (Ok(()), Some(sample)) => newest.take(sample),
-                            (Ok(()), None) => {}
-                            (Err(sender), _) => newest.pass_over(*from, sender),
-                        }
-                    }
-                }
-                Err(error) if is_passing(error) => break,
+        // It, and those that are there besides.
+        for _ in 0..MOST_AT_ONCE {
+            match awaited.take().unwrap_or_else(|| at_once(socket)) {
+                Ok((from, datagram)) => newest.hear(&mut followed, from, datagram.whole()),
+                Err(error) if is_passing(&error) => break,
                 Err(error) => {
                     log::warn!("no more gaze comes: {error}");
                     return;
                 }
-            }
-            if left > 0 {
-                came = at_once(socket);
             }
         }
         thread::sleep(REST);
