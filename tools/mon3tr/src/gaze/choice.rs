@@ -3,10 +3,10 @@
 use super::live::Live;
 use super::track::Track;
 use super::{Gaze, Source};
-use anyhow::{anyhow, bail};
+use anyhow::{Context, anyhow, bail};
 use std::fmt;
 use std::net::{Ipv4Addr, SocketAddr};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
 
@@ -43,7 +43,7 @@ fn udp(text: &str) -> anyhow::Result<SocketAddr> {
     let here = |port| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
     text.parse().map(here).or_else(|_| text.parse()).map_err(|_| {
         anyhow!(
-            "udp:{text} is no address: give udp:PORT for programs of this machine, or udp:0.0.0.0:PORT for a headset in its network too"
+            "udp:{text} is no address: give udp:PORT, 1 to 65535, for programs of this machine, or udp:0.0.0.0:PORT for a headset in its network too"
         )
     })
 }
@@ -57,6 +57,16 @@ impl fmt::Display for GazeChoice {
             Self::Udp(address) => write!(f, "udp:{address}"),
         }
     }
+}
+
+/// A file's samples. Whoever mistypes `udp:` is told what it was taken for.
+fn read(file: &Path) -> anyhow::Result<Track> {
+    Track::read(file).with_context(|| {
+        format!(
+            "--gaze {} is taken as a file (others are mouse, - and udp:PORT)",
+            file.display()
+        )
+    })
 }
 
 /// Where there is a mouse to follow, and where pictures are made at all.
@@ -79,11 +89,11 @@ impl GazeChoice {
                 at: None,
                 left: None,
             },
-            Self::File(file) => Source::File(Arc::new(Track::read(file)?)),
+            Self::File(file) => Source::File(Arc::new(read(file)?)),
             Self::Stdin => Source::Live(Live::stdin()?),
             Self::Udp(address) => {
                 let (live, address) = Live::udp(*address)?;
-                log::info!("a gaze is taken at {address}, by UDP");
+                println!("a gaze is taken at {address}, by UDP");
                 Source::Live(live)
             }
         };
@@ -97,7 +107,7 @@ impl GazeChoice {
     pub(crate) fn check(&self, sight: Sight) -> anyhow::Result<()> {
         self.check_sight(sight)?;
         match self {
-            Self::File(file) => Track::read(file).map(drop),
+            Self::File(file) => read(file).map(drop),
             Self::Mouse | Self::Stdin | Self::Udp(_) => Ok(()),
         }
     }
@@ -131,7 +141,7 @@ impl GazeChoice {
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> GazeChoice {
+    fn chosen(text: &str) -> GazeChoice {
         text.parse().unwrap_or_else(|why| panic!("{text}: {why}"))
     }
 
@@ -140,12 +150,12 @@ mod tests {
         for (text, choice) in [
             ("mouse", GazeChoice::Mouse),
             ("-", GazeChoice::Stdin),
-            ("udp:127.0.0.1:7215", read("udp:7215")),
+            ("udp:127.0.0.1:7215", chosen("udp:7215")),
             ("udp:0.0.0.0:7215", GazeChoice::Udp(([0; 4], 7215).into())),
-            ("udp:[::1]:7215", read("udp:[::1]:7215")),
+            ("udp:[::1]:7215", chosen("udp:[::1]:7215")),
             ("a/gaze.csv", GazeChoice::File("a/gaze.csv".into())),
         ] {
-            assert_eq!(read(text), choice, "{text}");
+            assert_eq!(chosen(text), choice, "{text}");
             assert_eq!(choice.to_string(), text);
         }
         for text in ["udp:", "udp:65536", "udp:here:7215", "udp:127.0.0.1"] {
@@ -157,7 +167,7 @@ mod tests {
     #[test]
     fn a_gaze_that_cannot_be_is_refused_with_what_to_do() {
         let refused = |choice: &str, sight: Sight| {
-            let refused = read(choice).open(sight).expect_err("refused");
+            let refused = chosen(choice).open(sight).expect_err("refused");
             format!("{refused:#}")
         };
         let mouse = refused("mouse", Sight::Offscreen);
@@ -172,7 +182,9 @@ mod tests {
             elsewhere.contains("192.0.2.1:7215"),
             "not ours: {elsewhere}"
         );
-        let typed = read("-").check_no_stdin("it is taken").expect_err("taken");
+        let typed = chosen("-")
+            .check_no_stdin("it is taken")
+            .expect_err("taken");
         assert!(typed.to_string().contains("udp:PORT"), "{typed}");
     }
 }

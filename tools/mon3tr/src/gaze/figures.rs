@@ -58,6 +58,26 @@ impl GazeFigures {
         });
     }
 
+    /// A line for the summary.
+    pub(crate) fn line(&self) -> String {
+        let Self {
+            source, pictures, ..
+        } = self;
+        let live = self.live.map_or_else(String::new, |live| {
+            format!(
+                ": {} samples, {} lines refused, {} samples passed over",
+                live.samples, live.refused, live.passed_over
+            )
+        });
+        let view = self.view.map_or_else(String::new, |view| {
+            format!(
+                "; {} of {pictures} pictures from a wearer's place",
+                view.pictures
+            )
+        });
+        format!("gaze       {source}{live}{view}")
+    }
+
     /// At the end: what came of a live source.
     pub(super) fn note_live(&mut self, [samples, refused, passed_over]: [u64; 3]) {
         self.live = Some(LiveFigures {

@@ -1,7 +1,7 @@
 //! Gaze as it happens: [samples](super::sample) from standard input, or by UDP; the newest wins. A sample's seconds are by any clock of its source's.
 
 use super::BLINK;
-use super::sample::{Sample, is_heading, read};
+use super::sample::{STUMBLE, Sample, is_heading, read};
 use anyhow::Context;
 use std::io::{self, BufRead, ErrorKind, Read};
 use std::net::{SocketAddr, UdpSocket};
@@ -107,9 +107,7 @@ impl Newest {
         });
         said.unwrap_or_else(|why| {
             if self.refused.fetch_add(1, Relaxed) == 0 {
-                log::warn!(
-                    "a line of gaze is none and is passed over, as the next of its kind will be: {why:#}"
-                );
+                log::warn!("a line of gaze is refused, and others will be without a word: {why:#}");
             }
             None
         })
@@ -133,8 +131,8 @@ impl Newest {
                     } else {
                         format!("one at a time is followed, and that is {sender}")
                     };
-                    log::info!(
-                        "a gaze from {from} is passed over, as the next of its kind will be: {why}"
+                    log::warn!(
+                        "a gaze from {from} is passed over, and others will be without a word: {why}"
                     );
                 }
             }
@@ -155,7 +153,10 @@ fn follow(mut lines: impl BufRead, newest: &Weak<Newest>) {
             return;
         };
         match read_line {
-            Ok(0) => return,
+            Ok(0) => {
+                println!("no more gaze comes: standard input has ended");
+                return;
+            }
             Ok(_) => {}
             Err(error) => {
                 log::warn!("no more gaze comes: {error}");
@@ -196,6 +197,18 @@ struct Sender {
 struct Followed(Option<Sender>);
 
 impl Followed {
+    /// Says that nothing comes any more, if that is so since the last look.
+    fn note_silence(&mut self, now: Instant) {
+        let has_gone = |last: &Sender| now.saturating_duration_since(last.heard) > STUMBLE;
+        if let Some(gone) = self.0.take_if(|last| has_gone(last)) {
+            println!(
+                "no gaze has come from {} for {} s",
+                gone.address,
+                STUMBLE.as_secs()
+            );
+        }
+    }
+
     /// Whether a sample of this sender and time is to be taken: not one that the network delayed behind a newer one, and no other sender's before
     /// this one has been silent for a blink. If not, who is followed.
     fn admit(&mut self, address: SocketAddr, seconds: f64, now: Instant) -> Result<(), SocketAddr> {
@@ -204,6 +217,9 @@ impl Followed {
             && (last.address != address || seconds <= last.seconds)
         {
             return Err(last.address);
+        }
+        if self.0.is_none_or(|last| last.address != address) {
+            println!("the camera follows the gaze from {address}");
         }
         self.0 = Some(Sender {
             address,
@@ -226,7 +242,10 @@ fn listen(socket: &UdpSocket, newest: &Weak<Newest>) {
         for _ in 0..MOST_AT_ONCE {
             match awaited.take().unwrap_or_else(|| at_once(socket)) {
                 Ok((from, datagram)) => newest.hear(&mut followed, from, datagram.whole()),
-                Err(error) if is_passing(&error) => break,
+                Err(error) if is_passing(&error) => {
+                    followed.note_silence(Instant::now());
+                    break;
+                }
                 Err(error) => {
                     log::warn!("no more gaze comes: {error}");
                     return;

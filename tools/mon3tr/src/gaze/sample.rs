@@ -19,7 +19,7 @@ const BEYOND: f64 = 1.0;
 const FURTHEST: f64 = 1000.0;
 
 /// How long the last view of a headset stands in for a missing one: the network may stumble, and its wearer stay where they are.
-const STUMBLE: Duration = Duration::from_secs(2);
+pub(super) const STUMBLE: Duration = Duration::from_secs(2);
 
 /// What a line says of where is looked.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,22 +67,26 @@ impl Sample {
 }
 
 /// A line as it is read.
-#[derive(Debug, Deserialize)]
-#[serde(untagged)]
 enum Line {
-    From {
-        seconds: f64,
-        eye: [f64; 3],
-        towards: [f64; 3],
-    },
-    At {
-        seconds: f64,
-        // Not there at all is a mistake; null is an eye that is shut.
-        #[serde(deserialize_with = "nullable")]
-        x: Option<f64>,
-        #[serde(deserialize_with = "nullable")]
-        y: Option<f64>,
-    },
+    At(Looked),
+    From(Seen),
+}
+
+#[derive(Debug, Deserialize)]
+struct Looked {
+    seconds: f64,
+    // Not there at all is a mistake; null is an eye that is shut.
+    #[serde(deserialize_with = "nullable")]
+    x: Option<f64>,
+    #[serde(deserialize_with = "nullable")]
+    y: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Seen {
+    seconds: f64,
+    eye: [f64; 3],
+    towards: [f64; 3],
 }
 
 fn nullable<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
@@ -99,12 +103,12 @@ pub(super) fn read(line: &[u8]) -> anyhow::Result<Option<(f64, Option<Sample>)>>
         return Ok(None);
     }
     let (seconds, sample) = match parse(line)? {
-        Line::At { seconds, x, y } => (seconds, place(x, y)?.map(Sample::At)),
-        Line::From {
+        Line::At(Looked { seconds, x, y }) => (seconds, place(x, y)?.map(Sample::At)),
+        Line::From(Seen {
             seconds,
             eye,
             towards,
-        } => (seconds, Some(Sample::From(view(eye, towards)?))),
+        }) => (seconds, Some(Sample::From(view(eye, towards)?))),
     };
     ensure!(
         seconds.is_finite() && seconds >= 0.0,
@@ -131,13 +135,17 @@ fn text(line: &[u8]) -> anyhow::Result<&str> {
 /// A line, whatever its numbers are.
 fn parse(line: &str) -> anyhow::Result<Line> {
     if line.starts_with('{') {
-        return serde_json::from_str(line).context(
-            "it is no {\"seconds\": S, \"x\": X, \"y\": Y} and no {\"seconds\": S, \"eye\": [X,Y,Z], \"towards\": [X,Y,Z]}",
-        );
+        return if line.contains("\"eye\"") {
+            let seen = serde_json::from_str(line).map(Line::From);
+            seen.context("it is no {\"seconds\": S, \"eye\": [X,Y,Z], \"towards\": [X,Y,Z]}")
+        } else {
+            let looked = serde_json::from_str(line).map(Line::At);
+            looked.context("it is no {\"seconds\": S, \"x\": X, \"y\": Y}")
+        };
     }
     let fields: Vec<&str> = line.splitn(4, ',').map(str::trim).collect();
     let [seconds, x, y] = fields[..] else {
-        bail!("it is not seconds,x,y: it has {} of them", fields.len());
+        bail!("{} is not seconds,x,y", shortened(line));
     };
     let number = |text: &str| -> anyhow::Result<f64> {
         text.parse()
@@ -147,11 +155,11 @@ fn parse(line: &str) -> anyhow::Result<Line> {
         "" => Ok(None),
         text => number(text).map(Some),
     };
-    Ok(Line::At {
+    Ok(Line::At(Looked {
         seconds: number(seconds)?,
         x: nullable(x)?,
         y: nullable(y)?,
-    })
+    }))
 }
 
 /// Nothing if the eyes are shut.

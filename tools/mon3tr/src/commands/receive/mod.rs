@@ -86,11 +86,11 @@ pub(crate) struct ShowOptions {
     pub(crate) view: Option<Viewpoint>,
     /// Let the camera follow a gaze, within 25 degrees around the person: `mouse` for the mouse in the window, a file of an eye
     /// tracker's samples, lines of `seconds,x,y` or {"seconds":S,"x":X,"y":Y}, seconds from the first picture, x (to the right) and y (down) from 0 to 1;
-    /// or such lines as they come, from standard input (`-`) or by UDP (`udp:PORT`, or `udp:0.0.0.0:PORT` from other machines). By UDP a headset's
-    /// --gaze-to comes as well: then the camera is where its wearer is, and looks where they look
+    /// or such lines as they come, from standard input (`-`, not in `call`) or by UDP (`udp:PORT`, or `udp:0.0.0.0:PORT` from other machines). A headset's
+    /// --gaze-to sends lines {"seconds":S,"eye":[X,Y,Z],"towards":[X,Y,Z]}: with them the camera is where its wearer is, and looks where they look
     #[arg(long, value_name = "mouse|FILE|-|udp:PORT")]
     gaze: Option<GazeChoice>,
-    /// With a headset: send where its wearer is and looks to the --gaze of a second screen, as JSON lines by UDP, unencrypted
+    /// With a headset, and not in `call`: send where its wearer is and looks to the --gaze of a second screen, as JSON lines by UDP, unencrypted
     #[arg(long, value_name = "HOST:PORT", value_parser = GazeFeed::resolve)]
     gaze_to: Option<SocketAddr>,
     #[command(flatten)]

@@ -83,6 +83,9 @@ impl Drawing {
             self.width, self.height, of.display_hz, of.seconds
         );
         println!("splatting  {}", self.splatting);
+        if let Some(gaze) = &self.gaze {
+            println!("{}", gaze.line());
+        }
         print_measured(&self.shown);
     }
 }

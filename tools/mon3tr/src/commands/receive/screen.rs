@@ -116,7 +116,9 @@ impl Screen {
                     if options.gaze_to.is_some() {
                         return Err(why.context("--gaze-to is a headset's, and there is none"));
                     }
-                    log::warn!("no headset: {why:#}");
+                    if options.gaze.is_none() {
+                        log::warn!("no headset: {why:#}");
+                    }
                     let flat = Flat::open(device)?;
                     match open_events() {
                         Ok(events) => Self::window(options, flat, events),
@@ -150,12 +152,17 @@ impl Screen {
         if let Some(folder) = &options.out {
             make_folder(folder)?;
         }
-        let feed = options.gaze_to.map(GazeFeed::new);
+        let feed = options.gaze_to.map(GazeFeed::new).transpose()?;
+        if let Some(screen) = options.gaze_to {
+            println!(
+                "where you are and look is sent to {screen}, unencrypted, while there is a person"
+            );
+        }
         Ok(Self::Headset {
             headset: Some(Box::new(headset)),
             runtime: device.runtime()?,
             wearer: None,
-            gaze: feed.transpose()?.map(Arc::new),
+            gaze: feed.map(Arc::new),
         })
     }
 
