@@ -28,10 +28,19 @@ pub struct GazeFeed {
     told: Mutex<Told>,
 }
 
+/// Lines that were sent.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+pub struct Sent {
+    /// All of them.
+    pub lines: u64,
+    /// Those that follow the wearer's eyes, and not the head alone.
+    pub by_eyes: u64,
+}
+
 /// What was said of how it goes.
 #[derive(Debug, Default)]
 struct Told {
-    is_sent: bool,
+    sent: Sent,
     has_failed: bool,
     /// Since when nobody is there.
     refused: Option<Instant>,
@@ -41,12 +50,14 @@ struct Told {
 #[derive(Debug, thiserror::Error)]
 pub enum GazeFeedError {
     /// The address is none.
-    #[error("{address} is no address to send a gaze to: give one like 192.168.1.20:7215")]
+    #[error(
+        "{address} is no address to send a gaze to ({why}): give a host and a port, like 192.168.1.20:7215"
+    )]
     Address {
         /// As it was given.
         address: String,
-        /// What the system says.
-        source: std::io::Error,
+        /// What is wrong.
+        why: String,
     },
     /// There is no socket for it.
     #[error("cannot send a gaze to {to}")]
@@ -64,14 +75,17 @@ impl GazeFeed {
     /// # Errors
     /// If it is none.
     pub fn resolve(address: &str) -> Result<SocketAddr, GazeFeedError> {
-        let not_one = |source| GazeFeedError::Address {
+        let not_one = |why: String| GazeFeedError::Address {
             address: address.to_owned(),
-            source,
+            why,
         };
-        let found = address.to_socket_addrs().map_err(not_one)?;
-        found
-            .min_by_key(SocketAddr::is_ipv6)
-            .ok_or_else(|| not_one(ErrorKind::NotFound.into()))
+        let found = address.to_socket_addrs();
+        let found = found.map_err(|error| not_one(error.to_string()))?;
+        match found.min_by_key(SocketAddr::is_ipv6) {
+            Some(to) if to.port() != 0 => Ok(to),
+            Some(_) => Err(not_one("ports are 1 to 65535".to_owned())),
+            None => Err(not_one("no such host".to_owned())),
+        }
     }
 
     /// To this address. Nothing is sent before a frame has a person in it.
@@ -97,15 +111,32 @@ impl GazeFeed {
         })
     }
 
+    /// Where it goes.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.to
+    }
+
+    /// What was sent so far.
+    #[must_use]
+    pub fn sent(&self) -> Sent {
+        self.told
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .sent
+    }
+
     /// Says how it goes, once each.
-    fn tell(&self, sent: std::io::Result<usize>) {
+    fn tell(&self, sent: std::io::Result<usize>, by_eyes: bool) {
         let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
         let to = self.to;
         match sent.map_err(|error| (error.kind(), error)) {
             Ok(_) => {
-                if !std::mem::replace(&mut told.is_sent, true) {
+                if told.sent.lines == 0 {
                     log::info!("where the wearer looks is sent to {to}");
                 }
+                told.sent.lines += 1;
+                told.sent.by_eyes += u64::from(by_eyes);
             }
             // Each other datagram of those to a machine where nobody listens.
             Err((ErrorKind::ConnectionRefused, _)) => {
@@ -130,9 +161,10 @@ impl GazeFeed {
 
 impl GazeListener for GazeFeed {
     fn looked(&self, view: &WearerView) {
+        let (sight, by_eyes) = LineOfSight::of(view);
         let line = Line {
             seconds: self.began.elapsed().as_secs_f64(),
-            sight: LineOfSight::of(view),
+            sight,
         };
         let mut bytes = [0; LONGEST];
         let mut to = Cursor::new(&mut bytes[..]);
@@ -142,7 +174,7 @@ impl GazeListener for GazeFeed {
         }
         let length = usize::try_from(to.position()).unwrap_or(LONGEST);
         let line = bytes.get(..length).unwrap_or_default();
-        self.tell(self.socket.send(line));
+        self.tell(self.socket.send(line), by_eyes);
     }
 }
 
@@ -154,8 +186,8 @@ struct LineOfSight {
 }
 
 impl LineOfSight {
-    /// Both eyes together, if one at least is surely tracked, and else as the head is turned.
-    fn of(view: &WearerView) -> Self {
+    /// Both eyes together, if one at least is surely tracked, and else as the head is turned; and whether it is the eyes'.
+    fn of(view: &WearerView) -> (Self, bool) {
         let person_from_floor = view.floor_from_person.inverse();
         let ahead = |pose: &Affine3A| -Vec3::from(pose.matrix3.z_axis);
         let sure = (view.gazes.iter().flatten())
@@ -163,14 +195,14 @@ impl LineOfSight {
             .map(|gaze| ahead(&gaze.floor_from_eye));
         let eye = Vec3::from(view.floor_from_head.translation);
         // Eyes that look opposite ways look nowhere.
-        let direction = Some(sure.sum::<Vec3>())
-            .filter(|sum| sum.length() > 0.5)
-            .unwrap_or_else(|| ahead(&view.floor_from_head))
-            .normalize_or(Vec3::NEG_Z);
-        Self {
+        let both = Some(sure.sum::<Vec3>()).filter(|sum| sum.length() > 0.5);
+        let direction =
+            (both.unwrap_or_else(|| ahead(&view.floor_from_head))).normalize_or(Vec3::NEG_Z);
+        let sight = Self {
             eye: person_from_floor.transform_point3(eye),
             towards: person_from_floor.transform_point3(eye + direction),
-        }
+        };
+        (sight, both.is_some())
     }
 
     fn is_finite(&self) -> bool {
@@ -219,13 +251,14 @@ mod tests {
     }
 
     fn direction(view: &WearerView) -> Vec3 {
-        let sight = LineOfSight::of(view);
+        let (sight, _) = LineOfSight::of(view);
         sight.towards - sight.eye
     }
 
     #[test]
     fn the_wearer_is_told_as_the_person_sees_them() {
-        let sight = LineOfSight::of(&view());
+        let (sight, by_eyes) = LineOfSight::of(&view());
+        assert!(!by_eyes, "none are tracked");
         let expected = [Vec3::new(0.2, 1.6, 1.6), Vec3::new(0.2, 1.6, 0.6)];
         assert!(sight.eye.abs_diff_eq(expected[0], 1e-5), "{sight:?}");
         assert!(sight.towards.abs_diff_eq(expected[1], 1e-5), "{sight:?}");
@@ -235,7 +268,7 @@ mod tests {
                 * Affine3A::from_quat(Quat::from_rotation_y(PI)),
             ..view()
         };
-        let eye = LineOfSight::of(&turned).eye;
+        let eye = LineOfSight::of(&turned).0.eye;
         assert!(eye.abs_diff_eq(Vec3::new(-0.2, 1.6, -1.6), 1e-5), "{eye}");
     }
 
@@ -285,6 +318,7 @@ mod tests {
             assert_eq!(line["towards"][2], 0.6, "{line}");
             // With the headers of UDP, IP and Ethernet.
             let kbit_s = |hz: usize| (length + 8 + 20 + 18) * 8 * hz / 1000;
+            assert!(feed.sent().lines > 0 && feed.sent().by_eyes == 0);
             println!(
                 "{length} bytes: {} kbit/s at 72 Hz, {} at 120",
                 kbit_s(72),
@@ -325,5 +359,7 @@ mod tests {
         assert!(error.to_string().contains("192.168.1.20:7215"), "{error}");
         let here = GazeFeed::resolve("localhost:7215").expect("an address");
         assert!(here.is_ipv4(), "{here}");
+        let zero = GazeFeed::resolve("127.0.0.1:0").expect_err("no port");
+        assert!(zero.to_string().contains("1 to 65535"), "{zero}");
     }
 }

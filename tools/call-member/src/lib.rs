@@ -13,7 +13,7 @@ mod voices;
 mod wearer;
 
 pub use acquaintances::{Acquaintances, Meeting};
-pub use gaze_feed::{GazeFeed, GazeFeedError};
+pub use gaze_feed::{GazeFeed, GazeFeedError, Sent};
 pub use members::{Member, Members};
 pub use perform::Performance;
 pub use privacy::PrivacyButtons;

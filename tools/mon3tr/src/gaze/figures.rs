@@ -1,7 +1,9 @@
 //! What a gaze did to the camera, for reports.
 
 use super::sample::LineOfSight;
+use call_member::{GazeFeed, Sent};
 use serde::Serialize;
+use std::net::SocketAddr;
 
 /// How far the camera went around the person.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -20,6 +22,37 @@ pub(crate) struct GazeFigures {
     /// Where the camera stood last, if it stood where a headset's wearer did.
     #[serde(skip_serializing_if = "Option::is_none")]
     view: Option<ViewFigures>,
+}
+
+/// What a headset sent to a second screen.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct GazeToFigures {
+    /// The screen's address.
+    to: SocketAddr,
+    /// Lines, a frame each.
+    sent: u64,
+    /// Of these followed the wearer's eyes, and not the head alone.
+    by_eyes: u64,
+}
+
+impl GazeToFigures {
+    /// At the end of what was sent.
+    pub(crate) fn of(feed: &GazeFeed) -> Self {
+        let Sent { lines, by_eyes } = feed.sent();
+        Self {
+            to: feed.address(),
+            sent: lines,
+            by_eyes,
+        }
+    }
+
+    /// A line for the summary.
+    pub(crate) fn line(&self) -> String {
+        format!(
+            "gaze       {} lines sent to {}, {} by the eyes",
+            self.sent, self.to, self.by_eyes
+        )
+    }
 }
 
 /// Of a live source.

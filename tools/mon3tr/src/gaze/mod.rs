@@ -14,7 +14,7 @@ mod track;
 mod view;
 
 pub(crate) use choice::{GazeChoice, Sight};
-pub(crate) use figures::GazeFigures;
+pub(crate) use figures::{GazeFigures, GazeToFigures};
 
 use crate::size::Size;
 use crate::viewpoint::Viewpoint;

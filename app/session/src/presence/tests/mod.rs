@@ -5,7 +5,7 @@ mod places;
 mod seat;
 mod shadow;
 
-use super::{Presence, Standing, Viewer};
+use super::{Presence, Standing, Viewer, first_apart};
 use glam::{Affine3A, Quat, Vec2, Vec3, Vec3Swizzles};
 use renderer_openxr::input::Hand;
 use spmm3::{Joint, MotionParams, Skeleton, at_ease};

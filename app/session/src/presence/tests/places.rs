@@ -143,3 +143,18 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn the_first_person_apart_from_the_viewer_is_the_first_whose_pose_is_known() {
+    let known = Some(standing_at(0.0, Vec2::ZERO));
+    for (people, own, first) in [
+        (&[known, known][..], 0, Some(0)),
+        (&[known, known], 1, Some(1)),
+        (&[known, None, known], 1, Some(2)),
+        (&[known, None], 1, None),
+        (&[None, known], 0, Some(1)),
+        (&[], 1, None),
+    ] {
+        assert_eq!(first_apart(people, own), first, "{own} of {}", people.len());
+    }
+}

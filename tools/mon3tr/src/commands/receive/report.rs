@@ -2,7 +2,7 @@
 
 use super::people::{Arrival, Download};
 use super::screen::{Drawn, Shown};
-use crate::gaze::GazeFigures;
+use crate::gaze::{GazeFigures, GazeToFigures};
 use crate::report::Splatting;
 use crate::size::Size;
 use anyhow::anyhow;
@@ -68,6 +68,8 @@ struct Drawing {
     splatting: Splatting,
     #[serde(skip_serializing_if = "Option::is_none")]
     gaze: Option<GazeFigures>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gaze_to: Option<GazeToFigures>,
     /// Of the first person.
     #[serde(flatten)]
     shown: Measured,
@@ -84,6 +86,9 @@ impl Drawing {
         );
         println!("splatting  {}", self.splatting);
         if let Some(gaze) = &self.gaze {
+            println!("{}", gaze.line());
+        }
+        if let Some(gaze) = &self.gaze_to {
             println!("{}", gaze.line());
         }
         print_measured(&self.shown);
@@ -187,6 +192,7 @@ impl Report {
                 height: drawn.size.height,
                 splatting: drawn.splatting,
                 gaze: drawn.gaze,
+                gaze_to: drawn.gaze_to,
                 shown,
             });
         }
@@ -341,6 +347,7 @@ struct Pictures {
     pictures: Vec<PathBuf>,
     headset: Option<HeadsetFigures>,
     gaze: Option<GazeFigures>,
+    gaze_to: Option<GazeToFigures>,
     views: u32,
     size: Size,
     splatting: Splatting,
@@ -374,6 +381,7 @@ fn split(drawn: Drawn) -> (Option<Pictures>, Vec<Ended>) {
         pictures: drawn.pictures,
         headset: drawn.headset,
         gaze: drawn.gaze,
+        gaze_to: drawn.gaze_to,
         views: drawn.views,
         size: drawn.size,
         splatting: Splatting::new(session.back_end, session.back_end_trial),

@@ -8,7 +8,7 @@ use super::{Display, ShowOptions, undrawn};
 use crate::controls::Others;
 use crate::device_options::{DeviceOptions, compiled, inference_backends, make_folder};
 use crate::flat;
-use crate::gaze::{Gaze, GazeFigures, Sight};
+use crate::gaze::{Gaze, GazeFigures, GazeToFigures, Sight};
 use crate::scenery::Scenery;
 use crate::size::{DEFAULT_SIZE, Size};
 use crate::until::Until;
@@ -102,6 +102,7 @@ pub(crate) struct Drawn {
     /// When the first picture with people in it was begun; nothing where there was none.
     pub(super) first: Option<Instant>,
     pub(super) gaze: Option<GazeFigures>,
+    pub(super) gaze_to: Option<GazeToFigures>,
     pub(super) headset: Option<HeadsetFigures>,
     pub(super) pictures: Vec<PathBuf>,
 }
@@ -287,6 +288,7 @@ impl Screen {
                     display_period: Duration::from_secs_f64(HERTZ.recip()),
                     first,
                     gaze: pictures.gaze.take().map(Gaze::figures),
+                    gaze_to: None,
                     headset: None,
                     pictures: pictures.write(&folder)?,
                 }
@@ -312,6 +314,7 @@ impl Screen {
                     display_period: Duration::from_secs_f64(HERTZ.recip()),
                     first: display.first,
                     gaze: display.gaze.map(Gaze::figures),
+                    gaze_to: None,
                     headset: None,
                     pictures: Vec::new(),
                 }
@@ -353,6 +356,7 @@ impl Screen {
                     size: Size { width, height },
                     display_period: figures.display_period(),
                     gaze: None,
+                    gaze_to: (gaze.as_ref()).map(|feed| GazeToFigures::of(feed)),
                     headset: Some(figures),
                     pictures: match &options.out {
                         Some(folder) => album.write(folder)?,

@@ -134,7 +134,9 @@ fn a_second_screen_stands_where_the_wearer_stands_and_looks_where_they_look() {
         screen.ask_to_end();
         let report = screen.report();
         viewer.ask_to_end();
-        viewer.report();
+        let sent = &viewer.report()["drawing"]["gaze_to"];
+        assert!(sent["sent"].as_u64() > Some(50), "{sent:#}");
+        assert_eq!(sent["by_eyes"], 0, "a head alone: {sent:#}");
         sender.program.ends();
         let view = &report["drawing"]["gaze"]["view"];
         let seen = |name: &str| {
