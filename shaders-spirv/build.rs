@@ -99,13 +99,17 @@ fn compile(path: &Path, stage: ShaderStage) -> Result<Vec<u32>, String> {
     let mut includes = Includes;
     let cut = format!("{ALPHA_CUT:?}");
     let log2_cut = format!("({:?})", f64::from(ALPHA_CUT).log2());
-    let [tile, scan_block, crowded, items_per_part] =
-        [TILE_PIXELS, SCAN_BLOCK, CROWDED, ITEMS_PER_PART].map(|number| format!("{number}u"));
+    let slack = format!("{TEST_SLACK:?}");
+    let whole = [TILE_PIXELS, CLOSE_LOOK, SCAN_BLOCK, CROWDED, ITEMS_PER_PART];
+    let [tile, close_look, scan_block, crowded, items_per_part] =
+        whole.map(|number| format!("{number}u"));
     let tile_rows = MOST_TILE_ROWS.to_string();
     let definitions = [
         ("ALPHA_CUT", Some(cut.as_str())),
         ("LOG2_ALPHA_CUT", Some(log2_cut.as_str())),
         ("TILE", Some(tile.as_str())),
+        ("TEST_SLACK", Some(slack.as_str())),
+        ("CLOSE_LOOK", Some(close_look.as_str())),
         ("MOST_TILE_ROWS", Some(tile_rows.as_str())),
         ("SCAN_BLOCK", Some(scan_block.as_str())),
         ("CROWDED", Some(crowded.as_str())),

@@ -14,11 +14,10 @@ layout(set = 0, binding = 6, std430) readonly buffer Splats1 { Splat splats_1[];
 
 uint tile_count() { return frame.tiles_x * frame.tiles_y; }
 
-// A rectangle of fewer tiles than this is about what its splat touches: looking closer takes longer than it saves.
-const uint CLOSE_LOOK = 12u;
-// Room for rounding, as in raster.glsl, and of a pixel.
-const float TEST_SLACK = 1e-3;
+// A rectangle of fewer tiles than CLOSE_LOOK is about what its splat touches: looking closer takes longer than it saves. TEST_SLACK: room for
+// rounding; both are defined by the build script, from src/shared.rs. And room of a pixel, to which more comes where coordinates are large.
 const float PIXEL_SLACK = 0.05;
+const float PIXEL_ROUNDING = 5e-7;
 
 // Where a splat's alpha reaches ALPHA_CUT, from its mean: (ux*x + uy*y)^2 + (wy*y)^2 = level.
 struct Outline {
@@ -28,24 +27,34 @@ struct Outline {
     float tip; // y of its leftmost point; its rightmost is as far above
 };
 
+// Those who count and those who list must find the same tiles, to the bit: all of it is `precise`, so that no compiler joins a product and a sum
+// in one of the two alone.
 Outline outline_of(uint view, uint index) {
     Splat s;
     if (view == 0u) s = splats_0[index];
     else s = splats_1[index];
-    float level = s.log2_opacity - LOG2_ALPHA_CUT + TEST_SLACK;
-    return Outline(s.mean_x, s.mean_y, s.uy, s.wy, 1.0 / s.ux, level, s.uy / s.wy * sqrt(level / (s.uy * s.uy + s.wy * s.wy)));
+    precise float level = s.log2_opacity - LOG2_ALPHA_CUT + TEST_SLACK;
+    precise float inv_ux = 1.0 / s.ux;
+    precise float tip = s.uy / s.wy * sqrt(level / (s.uy * s.uy + s.wy * s.wy));
+    return Outline(s.mean_x, s.mean_y, s.uy, s.wy, inv_ux, level, tip);
 }
 
-// First and last column of a row's tiles in which it has a pixel's centre; the first may be behind the last.
+// First and last column of a row's tiles in which it has a pixel's centre; the first is behind the last where it has none.
 uvec2 columns_within(Outline o, uint row) {
-    float top = float(row * TILE) + 0.5 - o.mean_y, bottom = top + float(TILE - 1u);
+    precise float top = float(row * TILE) + 0.5 - o.mean_y;
+    precise float bottom = top + float(TILE - 1u);
     // Its sides bulge towards the tips.
-    float y_left = clamp(o.tip, top, bottom), y_right = clamp(-o.tip, top, bottom);
-    float across_left = o.wy * y_left, across_right = o.wy * y_right;
-    float left = (-o.uy * y_left - sqrt(max(o.level - across_left * across_left, 0.0))) * o.inv_ux;
-    float right = (-o.uy * y_right + sqrt(max(o.level - across_right * across_right, 0.0))) * o.inv_ux;
-    vec2 ends = vec2(ceil(o.mean_x + left - 0.5 - PIXEL_SLACK), floor(o.mean_x + right - 0.5 + PIXEL_SLACK));
-    return uvec2(clamp(ends, 0.0, 65535.0)) / TILE;
+    precise float y_left = clamp(o.tip, top, bottom);
+    precise float y_right = clamp(-o.tip, top, bottom);
+    precise float across_left = o.wy * y_left;
+    precise float across_right = o.wy * y_right;
+    precise float left = (-o.uy * y_left - sqrt(max(o.level - across_left * across_left, 0.0))) * o.inv_ux;
+    precise float right = (-o.uy * y_right + sqrt(max(o.level - across_right * across_right, 0.0))) * o.inv_ux;
+    precise float slack = PIXEL_SLACK + PIXEL_ROUNDING * (abs(o.mean_x) + abs(o.uy * o.inv_ux) * max(abs(top), abs(bottom)));
+    precise float first = ceil(o.mean_x + left - 0.5 - slack);
+    precise float last = floor(o.mean_x + right - 0.5 + slack);
+    uvec2 columns = uvec2(clamp(vec2(first, last), 0.0, 65535.0)) / TILE;
+    return last < max(first, 0.0) ? uvec2(1u, 0u) : columns;
 }
 
 uvec2 lane_run(uint lane) {

@@ -42,7 +42,9 @@ void main() {
                 uint tile = y * frame.tiles_x + x;
                 uint next = table[row + tile];
                 table[row + tile] = next + 1u;
-                pairs[tile_starts[view * tile_count() + tile] + next] = index;
+                // What a driver lists that it did not count must not leave the lists.
+                uint at = tile_starts[view * tile_count() + tile] + next;
+                if (at < frame.pair_capacity) pairs[at] = index;
             } while (x++ < end);
         } while (y++ < y1);
     }

@@ -38,8 +38,7 @@ const bool PAIRS = false;
 const uint BALLOT_WORDS = (SUBGROUP + 31u) / 32u;
 const float TRANSMITTANCE_CUT = ALPHA_CUT;
 const float NOTHING = -1e30; // of log2(alpha): none
-// Room for rounding in the block test, which must never drop what a pixel would have kept.
-const float TEST_SLACK = 1e-3;
+// TEST_SLACK, room for rounding in the block test, which must never drop what a pixel would have kept: defined by the build script.
 
 #ifndef BROADCAST
 shared Splat handed[SUBGROUP];

@@ -19,7 +19,10 @@ pub use gaussian::{
     Gaussian, LOG2_MOST_SCALE, LOG2_SCALE_END, PackedGaussian, quantised, smallest_three,
 };
 pub use gaussian_lanes::GaussianLanes;
-pub use shared::{ALPHA_CUT, CROWDED, ITEMS_PER_PART, MOST_TILE_ROWS, SCAN_BLOCK, TILE_PIXELS};
+pub use shared::{
+    ALPHA_CUT, CLOSE_LOOK, CROWDED, ITEMS_PER_PART, MOST_TILE_ROWS, SCAN_BLOCK, TEST_SLACK,
+    TILE_PIXELS,
+};
 
 /// One compiled shader. Its entry point is `main`.
 #[derive(Debug, Clone, Copy)]

@@ -111,7 +111,7 @@ async function ours(program, args) {
 
 /** An example of our workspace, built in release, in the environment that ./run gives programs. */
 function example(crate, name, args) {
-	const cargo = `eval "$(./run env 2>/dev/null)" && cargo run --quiet --release --package ${crate} --example ${name} -- "$@"`;
+	const cargo = `env=$(./run env) && eval "$env" && cargo run --quiet --release --package ${crate} --example ${name} -- "$@"`;
 	return ours('bash', ['-c', cargo, name, ...args]);
 }
 
@@ -196,7 +196,7 @@ async function peerTurn(args, peer, picture) {
 async function rustPeer() {
 	const target = path.join(cache, RUST_PEER);
 	if (!existsSync(target)) console.error(`Building ${RUST_PEER} (minutes; kept in ${target})`);
-	const build = 'eval "$(./run env 2>/dev/null)" && cargo build --quiet --release --locked --manifest-path "$1" --target-dir "$2"';
+	const build = 'env=$(./run env) && eval "$env" && cargo build --quiet --release --locked --manifest-path "$1" --target-dir "$2"';
 	await ours('bash', ['-c', build, 'build', path.join(here, 'rust-peer/Cargo.toml'), target]);
 	return path.join(target, 'release/rust-peer');
 }

@@ -13,7 +13,7 @@ export class PeerProgram {
 	/** Starts it and loads the scene; resolves to what the program says about itself. */
 	async start({ program, repo, scene, cameraFile, id, verbose }) {
 		// Our programs' environment: the same Vulkan driver for both.
-		const start = 'eval "$(./run env 2>/dev/null)" && exec ${MON3TR_RUNNER:-} "$@"';
+		const start = 'env=$(./run env) && eval "$env" && exec ${MON3TR_RUNNER:-} "$@"';
 		this.#child = spawn('bash', ['-c', start, program, program, scene, cameraFile, String(id)], { cwd: repo, stdio: 'pipe' });
 		this.#child.stdin.on('error', () => {}); // It has ended, which the next answer tells.
 		this.#child.stderr.on('data', (text) => {

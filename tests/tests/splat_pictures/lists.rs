@@ -2,7 +2,7 @@
 
 use glam::{EulerRot, Quat};
 use renderer_splat::gaussian::Gaussian;
-use renderer_splat::lists::{Splat, TILE_PIXELS, TileLists};
+use renderer_splat::lists::{CLOSE_LOOK, Splat, TILE_PIXELS, TileLists};
 use renderer_splat::options::{BackEnd, RendererOptions};
 use renderer_splat::renderer::SplatRenderer;
 use std::collections::HashSet;
@@ -15,8 +15,6 @@ use test_support::vulkan::{assert_silent, gpu};
 /// No multiple of a tile.
 const WIDTH: u32 = 509;
 const HEIGHT: u32 = 381;
-/// Tiles of a rectangle whose splat is looked at row by row.
-const LARGE: usize = 12;
 /// Where a splat ends.
 const ALPHA_CUT: f64 = 1.0 / 255.0;
 /// A pixel this near the cut, as log2 of alpha, may fall on either side of it.
@@ -104,7 +102,7 @@ fn each_list_has_every_splat_that_reaches_a_pixel_of_its_tile_and_few_others() {
                 .collect();
             let inside = tiles.iter().filter(|tile| touching.contains(*tile)).count();
             assert_eq!(inside, touching.len(), "view {number}: {index} outside");
-            let is_large = tiles.len() >= LARGE;
+            let is_large = tiles.len() >= CLOSE_LOOK as usize;
             let mut reached = 0;
             for tile in &tiles {
                 let peak = peak(splat, *tile);

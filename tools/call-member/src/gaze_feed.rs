@@ -19,6 +19,9 @@ const LONGEST: usize = 192;
 /// A screen that is not there for so long is told of.
 const PATIENCE: Duration = Duration::from_secs(5);
 
+/// Refusals that are further apart are not of one absence.
+const REFUSED_AGAIN: Duration = Duration::from_secs(1);
+
 /// Sends gazes to one address.
 #[derive(Debug)]
 pub struct GazeFeed {
@@ -42,8 +45,9 @@ pub struct Sent {
 struct Told {
     sent: Sent,
     has_failed: bool,
-    /// Since when nobody is there.
-    refused: Option<Instant>,
+    /// When it was said first and last that nobody is there, while nobody is.
+    refused: Option<[Instant; 2]>,
+    has_told_refused: bool,
 }
 
 /// Why gazes cannot be sent.
@@ -140,8 +144,11 @@ impl GazeFeed {
             }
             // Each other datagram of those to a machine where nobody listens.
             Err((ErrorKind::ConnectionRefused, _)) => {
-                let since = *told.refused.get_or_insert_with(Instant::now);
-                if since.elapsed() > PATIENCE && !std::mem::replace(&mut told.has_failed, true) {
+                let now = Instant::now();
+                let goes_on = |[_, last]: &[Instant; 2]| now - *last < REFUSED_AGAIN;
+                let first = told.refused.filter(goes_on).map_or(now, |[first, _]| first);
+                told.refused = Some([first, now]);
+                if now - first > PATIENCE && !std::mem::replace(&mut told.has_told_refused, true) {
                     log::warn!(
                         "nobody takes where the wearer looks at {to}: is --gaze udp:{} there?",
                         to.port()
@@ -319,6 +326,7 @@ mod tests {
             // With the headers of UDP, IP and Ethernet.
             let kbit_s = |hz: usize| (length + 8 + 20 + 18) * 8 * hz / 1000;
             assert!(feed.sent().lines > 0 && feed.sent().by_eyes == 0);
+            assert!(length <= 96, "{length} bytes");
             println!(
                 "{length} bytes: {} kbit/s at 72 Hz, {} at 120",
                 kbit_s(72),

@@ -1,4 +1,5 @@
-//! What each part of a foreground costs, counted on the device before anything is listed or blended: pairs of splat and tile.
+//! What each part of a foreground costs, counted on the device before anything is listed or blended: tiles of its splats' rectangles, at least as many
+//! as are listed.
 //!
 //! A few thousand Gaussians of metres, which fit a file of kilobytes, cover every tile, and no device draws them in time. A picture whose parts cost more
 //! than [`MOST_PART_PAIRS`] and [`MOST_FOREGROUND_PAIRS`] allow is not drawn; the caller is told which part costs most, and may draw the others.

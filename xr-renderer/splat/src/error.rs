@@ -88,7 +88,7 @@ pub enum RenderError {
     CostlyPart {
         /// Which one, from 0.
         part: usize,
-        /// (Gaussian, tile) pairs it makes in all views.
+        /// Tiles of its Gaussians' rectangles in all views: at least as many as are listed.
         pairs: u64,
         /// How many one part, or all together, may make.
         limit: u32,

@@ -8,7 +8,7 @@ use renderer_vulkan::commands::{Commands, barrier};
 use renderer_vulkan::error::VulkanError;
 use renderer_vulkan::gpu::Gpu;
 use shaders_spirv::SortState;
-pub use shaders_spirv::{Splat, TILE_PIXELS};
+pub use shaders_spirv::{CLOSE_LOOK, Splat, TILE_PIXELS};
 
 use crate::geometry_pass::GeometryPass;
 use crate::target::Target;

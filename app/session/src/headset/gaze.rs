@@ -19,7 +19,8 @@ pub struct WearerView {
 }
 
 /// Is told where the wearer looks, once a frame in which there is a person, while they have the app before them: what they look at in the system's
-/// menus is nobody's business. A listener has the wearer's eyes tracked meanwhile, and nothing else of them.
+/// menus is nobody's business. A listener has the wearer's eyes tracked, besides the head,
+/// and nothing else of them; once begun, until the session ends.
 pub trait GazeListener: std::fmt::Debug + Send + Sync {
     /// The wearer looks there. It is the loop's thread: this must not wait.
     fn looked(&self, view: &WearerView);

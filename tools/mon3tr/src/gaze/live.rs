@@ -194,13 +194,17 @@ struct Sender {
 
 /// Who is followed.
 #[derive(Debug, Default)]
-struct Followed(Option<Sender>);
+struct Followed {
+    sender: Option<Sender>,
+    /// When it was said last who it is.
+    told: Option<Instant>,
+}
 
 impl Followed {
     /// Says that nothing comes any more, if that is so since the last look.
     fn note_silence(&mut self, now: Instant) {
         let has_gone = |last: &Sender| now.saturating_duration_since(last.heard) > STUMBLE;
-        if let Some(gone) = self.0.take_if(|last| has_gone(last)) {
+        if let Some(gone) = self.sender.take_if(|last| has_gone(last)) {
             println!(
                 "no gaze has come from {} for {} s",
                 gone.address,
@@ -213,15 +217,18 @@ impl Followed {
     /// this one has been silent for a blink. If not, who is followed.
     fn admit(&mut self, address: SocketAddr, seconds: f64, now: Instant) -> Result<(), SocketAddr> {
         let is_heard = |last: &Sender| now.saturating_duration_since(last.heard) <= BLINK;
-        if let Some(last) = self.0.filter(is_heard)
+        if let Some(last) = self.sender.filter(is_heard)
             && (last.address != address || seconds <= last.seconds)
         {
             return Err(last.address);
         }
-        if self.0.is_none_or(|last| last.address != address) {
+        let is_another = self.sender.is_none_or(|last| last.address != address);
+        let is_told = (self.told).is_some_and(|told| now.saturating_duration_since(told) < STUMBLE);
+        if is_another && !is_told {
+            self.told = Some(now);
             println!("the camera follows the gaze from {address}");
         }
-        self.0 = Some(Sender {
+        self.sender = Some(Sender {
             address,
             seconds,
             heard: now,
@@ -242,16 +249,14 @@ fn listen(socket: &UdpSocket, newest: &Weak<Newest>) {
         for _ in 0..MOST_AT_ONCE {
             match awaited.take().unwrap_or_else(|| at_once(socket)) {
                 Ok((from, datagram)) => newest.hear(&mut followed, from, datagram.whole()),
-                Err(error) if is_passing(&error) => {
-                    followed.note_silence(Instant::now());
-                    break;
-                }
+                Err(error) if is_passing(&error) => break,
                 Err(error) => {
                     log::warn!("no more gaze comes: {error}");
                     return;
                 }
             }
         }
+        followed.note_silence(Instant::now());
         thread::sleep(REST);
     }
 }
