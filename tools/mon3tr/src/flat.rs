@@ -1,14 +1,16 @@
 //! What displays without a headset have in common: the pictures they need, the scene around people, and where these are seen from.
 
+use crate::gaze::Gaze;
 use crate::scenery::{Scenery, SceneryOptions};
 use crate::size::{Size, Views};
 use crate::viewpoint::{Viewpoint, eyes};
 use app_session::display::{DisplayNeeds, LoadBackground, SessionError, Standpoint};
 use glam::{Quat, Vec3};
+use renderer_splat::camera::Camera;
 use renderer_splat::options::RendererOptions;
 use renderer_vulkan::gpu::Gpu;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Room for a person's arms beside those who stand outermost, metres.
 const ARMS: f32 = 1.2;
@@ -47,6 +49,19 @@ pub(crate) fn around(mut viewpoint: Viewpoint, people: &Standpoint, size: Size) 
         viewpoint.back_off((people.width + ARMS) / aspect);
     }
     viewpoint
+}
+
+/// The camera of the picture that is begun now, of people who are seen from `viewpoint`, which a gaze may move.
+pub(crate) fn camera(
+    viewpoint: Viewpoint,
+    gaze: Option<&mut Gaze>,
+    people: &Standpoint,
+    size: Size,
+) -> Camera {
+    match gaze {
+        Some(gaze) => gaze.camera(viewpoint, people, size, Instant::now()),
+        None => viewpoint.camera(people.floor, people.heading, size.width, size.height),
+    }
 }
 
 /// An error of a display of this program's.

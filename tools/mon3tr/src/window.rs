@@ -307,10 +307,7 @@ impl View<'_, '_> {
         } else {
             STUDIO
         };
-        let camera = match gaze {
-            Some(gaze) => gaze.camera(*viewpoint, &people, *size, Instant::now()),
-            None => viewpoint.camera(people.floor, people.heading, width, height),
-        };
+        let camera = flat::camera(*viewpoint, gaze.as_mut(), &people, *size);
         let cameras = eyes(camera, *views);
         if let Drawn::Renewed(gpu) = session.lanes.draw(&cameras)? {
             return open.renew(&gpu);

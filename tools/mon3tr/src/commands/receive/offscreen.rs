@@ -97,11 +97,7 @@ impl PictureObserver for Pictures<'_> {
 
     fn cameras(&mut self, people: &Standpoint) -> Vec<Camera> {
         let viewpoint = flat::around(self.viewpoint, people, self.size);
-        let Size { width, height } = self.size;
-        let camera = match &mut self.gaze {
-            Some(gaze) => gaze.camera(viewpoint, people, self.size, Instant::now()),
-            None => viewpoint.camera(people.floor, people.heading, width, height),
-        };
+        let camera = flat::camera(viewpoint, self.gaze.as_mut(), people, self.size);
         eyes(camera, self.views)
     }
 
