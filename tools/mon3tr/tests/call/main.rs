@@ -2,6 +2,7 @@
 //!
 //! Nothing here is timed: what is asserted is what comes, in what order, and what is said; waits end when something has happened.
 
+mod attacks;
 mod audience;
 mod both_ways;
 mod burden;

@@ -1,0 +1,1 @@
+//! A server in the middle changes offers, answers and names.

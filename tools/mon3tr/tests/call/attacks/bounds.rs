@@ -1,0 +1,1 @@
+//! One owner, link holder or address exhausts what the server shares among all.

@@ -1,0 +1,1 @@
+//! Clients and servers close connections at every moment.

@@ -1,0 +1,1 @@
+//! Holders of a call link watch without a seat, take seats and disconnect members.

@@ -1,0 +1,1 @@
+//! Other users of the machine read command lines, files and errors.
