@@ -1,4 +1,4 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Why a key, a signature or a permit is not taken.
 #[derive(Debug, thiserror::Error)]
@@ -13,6 +13,16 @@ pub enum IdentityError {
         /// What the system says.
         #[source]
         source: std::io::Error,
+    },
+    /// Other users of the machine may read or write a file that is its owner's alone.
+    #[error(
+        "{} is not used while other users of this machine may read or write it: run `chmod 600 {}`",
+        path.display(),
+        quoted(path)
+    )]
+    NotPrivate {
+        /// The file.
+        path: PathBuf,
     },
     /// The file holds no key.
     #[error(
@@ -35,4 +45,9 @@ pub enum IdentityError {
     /// A permit is over.
     #[error("the permit of its owner has expired")]
     Expired,
+}
+
+/// A path as a shell takes it.
+fn quoted(path: &Path) -> String {
+    format!("'{}'", path.display().to_string().replace('\'', r"'\''"))
 }

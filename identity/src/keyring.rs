@@ -1,8 +1,9 @@
 //! What a machine's user is known by, and whom they trust: one's own key, the permits of others' avatars, and the keys whose packages may bring compiled
 //! code.
 
-use crate::{Identity, IdentityError, LineFile, Permit, PublicKey};
+use crate::{Identity, IdentityError, LineFile, Permit, PublicKey, open_private};
 use std::fmt::Display;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -48,7 +49,7 @@ impl Keyring {
     /// The permits; none where there is no file.
     ///
     /// # Errors
-    /// If they cannot be read.
+    /// If they cannot be read, or others may read or write the file.
     pub fn permits(&self) -> Result<Vec<Permit>, IdentityError> {
         entries(&self.permits)
     }
@@ -67,7 +68,7 @@ impl Keyring {
     /// The other keys whose packages may bring compiled code; none where there is no file.
     ///
     /// # Errors
-    /// If they cannot be read.
+    /// If they cannot be read, or others may read or write the file.
     pub fn trusted(&self) -> Result<Vec<PublicKey>, IdentityError> {
         entries(&self.trusted)
     }
@@ -105,6 +106,12 @@ impl Keyring {
 
 /// What the lines of `file` say.
 fn entries<T: FromStr<Err = IdentityError>>(file: &LineFile) -> Result<Vec<T>, IdentityError> {
+    match open_private(file.path()) {
+        Err(IdentityError::File { source, .. }) if source.kind() == ErrorKind::NotFound => {
+            return Ok(Vec::new());
+        }
+        opened => opened?,
+    };
     let lines = file.read().map_err(failed("read", file))?;
     let lines = lines.iter().map(|line| line.trim());
     let lines = lines.filter(|line| !line.is_empty());
@@ -163,6 +170,32 @@ mod tests {
         std::fs::write(folder.path().join("trusted"), "anyone\n").expect("written");
         assert!(ring.trusted().is_err(), "it is told, not passed over");
         assert!(ring.trust(ada).is_err(), "and not lost");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn permits_and_trusted_keys_that_others_may_change_are_refused() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().expect("a folder");
+        let ring = open(&folder);
+        ring.trust(ring.identity().public()).expect("kept");
+        let file = folder.path().join("trusted");
+        let open_to_others = std::fs::Permissions::from_mode(0o666);
+        std::fs::set_permissions(&file, open_to_others.clone()).expect("set");
+        assert!(matches!(
+            ring.trusted(),
+            Err(IdentityError::NotPrivate { .. })
+        ));
+        std::fs::copy(&file, folder.path().join("permits")).expect("copied");
+        assert!(matches!(
+            ring.permits(),
+            Err(IdentityError::NotPrivate { .. })
+        ));
+        std::fs::set_permissions(folder.path().join("key"), open_to_others).expect("set");
+        let files = ["key", "permits", "trusted"].map(|name| folder.path().join(name));
+        let [key, permits, trusted] = files;
+        let refused = Keyring::open(key, permits, trusted);
+        assert!(matches!(refused, Err(IdentityError::NotPrivate { .. })));
     }
 
     fn open(folder: &tempfile::TempDir) -> Keyring {

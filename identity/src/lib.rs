@@ -23,6 +23,7 @@ mod key;
 mod keyring;
 mod line_file;
 mod permit;
+mod private;
 mod secret;
 mod signature;
 
@@ -31,5 +32,6 @@ pub use key::{KeyHash, PublicKey};
 pub use keyring::Keyring;
 pub use line_file::LineFile;
 pub use permit::Permit;
+pub use private::open_private;
 pub use secret::Identity;
 pub use signature::{Purpose, Signature};

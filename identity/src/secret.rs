@@ -1,6 +1,6 @@
 //! One's own key.
 
-use crate::{IdentityError, PublicKey, Purpose, Signature};
+use crate::{IdentityError, PublicKey, Purpose, Signature, open_private};
 use data_encoding::BASE64URL_NOPAD;
 use ring::signature::{Ed25519KeyPair, KeyPair};
 use std::fmt;
@@ -37,7 +37,7 @@ impl Identity {
     /// start at once get the same key.
     ///
     /// # Errors
-    /// If the file cannot be read or written, or holds something else.
+    /// If the file cannot be read or written, other users may read it, or it holds something else.
     pub fn open(path: &Path) -> Result<Self, IdentityError> {
         match Self::read(path) {
             Err(IdentityError::File { source, .. }) if source.kind() == ErrorKind::NotFound => {
@@ -50,8 +50,8 @@ impl Identity {
 
     fn read(path: &Path) -> Result<Self, IdentityError> {
         let mut text = String::new();
-        std::fs::File::open(path)
-            .and_then(|file| file.take(MOST_BYTES).read_to_string(&mut text))
+        (open_private(path)?.take(MOST_BYTES))
+            .read_to_string(&mut text)
             .map_err(failed("read", path))?;
         let seed = text.trim_end().strip_prefix(HEAD);
         let seed = seed.and_then(|seed| BASE64URL_NOPAD.decode(seed.as_bytes()).ok());
@@ -192,6 +192,7 @@ mod tests {
     fn a_file_with_something_else_is_left_as_it_is() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("key");
+        Identity::open(&path).expect("a new key, in a file with its mode");
         for text in ["", "mon3tr-key-1 short", "-----BEGIN PRIVATE KEY-----"] {
             std::fs::write(&path, text).expect("written");
             let refused = Identity::open(&path).map(|it| it.public());
