@@ -40,6 +40,8 @@ pub struct Timeouts {
     pub response: Duration,
     /// For the next byte of a download, an upload or the presence stream.
     pub idle: Duration,
+    /// Over which a download must bring 2 KiB a second: long enough for a network to change or be lost for a moment.
+    pub pace: Duration,
     /// For the server to store a package after its last byte was sent.
     pub store: Duration,
     /// Before the first retry of a broken transfer; doubled after each attempt that brought nothing, up to 4 s.
@@ -52,6 +54,7 @@ impl Default for Timeouts {
             connect: Duration::from_secs(2),
             response: Duration::from_secs(10),
             idle: 3 * PRESENCE_COMMENT_EVERY,
+            pace: Duration::from_secs(30),
             store: Duration::from_secs(120),
             retry: Duration::from_millis(250),
         }

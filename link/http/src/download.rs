@@ -4,19 +4,24 @@
 use std::{
     fs, io,
     path::{Path, PathBuf},
+    sync::atomic::{AtomicBool, Ordering::Relaxed},
     time::Duration,
 };
 
+use bytes::Bytes;
 use reqwest::{
     Method, Response, StatusCode,
     header::{ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_RANGE, IF_RANGE, RANGE},
 };
+
+use tokio::time::{Instant, timeout_at};
 
 use crate::{
     Client, HttpError, PackageCache,
     cache::Lock,
     client::{PACKAGE, invalid_response, next_piece},
     error::with_causes,
+    pace::{Pace, longest},
     part::PartWriter,
 };
 use link_protocol::{PackageId, RoomLink, announcement::AvatarRef};
@@ -28,6 +33,8 @@ const MIN_PROGRESS: u64 = 64 << 10;
 /// Bounds of the waits before a retry: the client's own, and the server's `Retry-After`.
 const MAX_RETRY_PAUSE: Duration = Duration::from_secs(4);
 const MAX_RETRY_AFTER: Duration = Duration::from_secs(30);
+/// What a download has to take at least, by the pace of the moment, before the log says how long it takes.
+const WORTH_TELLING: u64 = 120;
 
 /// The progress of a download.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,6 +62,8 @@ struct Download<'a> {
     cache: &'a PackageCache,
     lock: Lock,
     part: PathBuf,
+    /// The log has said how long this takes.
+    is_told: AtomicBool,
 }
 
 impl Client {
@@ -63,7 +72,7 @@ impl Client {
     ///
     /// # Errors
     /// [`HttpError::NotFound`], [`HttpError::Unauthorized`], [`HttpError::WrongSize`], [`HttpError::Damaged`],
-    /// [`HttpError::GaveUp`], [`HttpError::DiskFull`], [`HttpError::Cache`], and those of any request.
+    /// [`HttpError::GaveUp`], [`HttpError::TooSlow`], [`HttpError::DiskFull`], [`HttpError::Cache`], and those of any request.
     pub async fn fetch_package(
         &self,
         link: &RoomLink,
@@ -81,16 +90,21 @@ impl Client {
             return Ok(path);
         }
         let part = cache.part(&avatar.sha256);
-        Download {
+        let download = Download {
             client: self,
             link,
             avatar,
             cache,
             lock,
             part,
-        }
-        .run(&mut progress)
-        .await
+            is_told: AtomicBool::new(false),
+        };
+        let over = longest(avatar.bytes);
+        let run = tokio::time::timeout(over, download.run(&mut progress));
+        run.await.unwrap_or_else(|_| {
+            let server = link.server().clone();
+            Err(HttpError::TooSlow { server, over })
+        })
     }
 }
 
@@ -171,13 +185,14 @@ impl Download<'_> {
         let (mut answer, kept) = self.request_from(had).await?;
         let writer = PartWriter::begin(&self.part, kept, self.lock.clone());
         let mut bytes = kept;
+        let mut pace = Pace::new(self.client.timeouts().pace);
         progress(Progress {
             done: kept,
             total,
             downloaded: *downloaded,
         });
         let ended = loop {
-            match self.next_piece(&mut answer).await {
+            match self.next_piece(&mut answer, &mut pace, bytes).await {
                 Ok(Some(piece)) => {
                     let length = piece.len() as u64;
                     bytes += length;
@@ -276,16 +291,58 @@ impl Download<'_> {
         Ok((answer, kept))
     }
 
-    async fn next_piece(&self, answer: &mut Response) -> Result<Option<bytes::Bytes>, HttpError> {
+    /// The next piece, after so many `bytes` of the package.
+    async fn next_piece(
+        &self,
+        answer: &mut Response,
+        pace: &mut Pace,
+        bytes: u64,
+    ) -> Result<Option<Bytes>, HttpError> {
         let limit = self.client.timeouts().idle;
         let server = self.link.server();
-        tokio::time::timeout(limit, next_piece(server, answer))
-            .await
-            .map_err(|_| HttpError::TimedOut {
-                server: server.clone(),
-                what: PACKAGE,
-                limit,
-            })?
+        let silent = Instant::now() + limit;
+        loop {
+            let piece = timeout_at(silent.min(pace.ends()), next_piece(server, answer)).await;
+            let came = match &piece {
+                Ok(Ok(Some(piece))) => piece.len() as u64,
+                Ok(_) => return piece.unwrap_or(Ok(None)),
+                Err(_) => 0,
+            };
+            pace.add(came);
+            if Instant::now() >= pace.ends() {
+                self.check(pace, bytes + came)?;
+            }
+            if let Ok(piece) = piece {
+                return piece;
+            }
+            if Instant::now() >= silent {
+                return Err(HttpError::TimedOut {
+                    server: server.clone(),
+                    what: PACKAGE,
+                    limit,
+                });
+            }
+        }
+    }
+
+    /// That enough came in the window that is over. Where much is left, the log says once how long it takes.
+    fn check(&self, pace: &mut Pace, bytes: u64) -> Result<(), HttpError> {
+        let Some(rate) = pace.next() else {
+            return Err(HttpError::TooSlow {
+                server: self.link.server().clone(),
+                over: self.client.timeouts().pace,
+            });
+        };
+        let left = self.avatar.bytes.saturating_sub(bytes) / rate.max(1);
+        if left >= WORTH_TELLING && !self.is_told.swap(true, Relaxed) {
+            log::warn!(
+                "{} sends the package at {} KiB/s: some {} minutes are left",
+                self.link.server(),
+                rate >> 10,
+                left / 60
+            );
+        }
+        Ok(())
     }
 
     /// Whether the part file is the package, after its last byte.
@@ -369,6 +426,7 @@ pub(crate) fn retry_delay(error: &HttpError) -> Option<Duration> {
     match error {
         HttpError::ConnectionLost { .. }
         | HttpError::TimedOut { .. }
+        | HttpError::TooSlow { .. }
         | HttpError::Unreachable { .. } => Some(Duration::ZERO),
         HttpError::Unavailable { retry_after, .. } | HttpError::RateLimited { retry_after, .. } => {
             Some(retry_after.unwrap_or_default().min(MAX_RETRY_AFTER))

@@ -65,6 +65,17 @@ pub enum HttpError {
         /// How long it had.
         limit: Duration,
     },
+    /// The server sends a package so slowly that it would not end in any time worth waiting for.
+    #[error(
+        "{server} sends the package too slowly, less than 2 KiB a second over {} s: try again later or by another network; what came is kept for the next download",
+        over.as_secs_f32()
+    )]
+    TooSlow {
+        /// The server.
+        server: ServerUrl,
+        /// For how long.
+        over: Duration,
+    },
     /// The connection broke during the response.
     #[error("the connection to {server} broke: try again")]
     ConnectionLost {

@@ -30,6 +30,7 @@ pub mod client;
 pub mod download;
 mod error;
 mod file_lock;
+mod pace;
 mod part;
 pub mod presence;
 pub mod rooms;

@@ -143,6 +143,48 @@ async fn a_slow_server_is_waited_for_as_long_as_bytes_come() {
 }
 
 #[tokio::test]
+async fn a_server_that_drips_a_package_is_given_up_in_words() {
+    // Never silent for as long as a silence may be, 5 to 50 bytes a second.
+    for piece in [1, 10] {
+        let drips = (0..6).map(|_| Fault::Slow(piece, Duration::from_millis(200)));
+        let outcome = download(drips).await;
+        let error = outcome.error();
+        assert!(
+            matches!(error, HttpError::GaveUp { last, .. } if matches!(**last, HttpError::TooSlow { .. })),
+            "{error:?}"
+        );
+        assert!(
+            outcome.part().is_some_and(|part| part > 0),
+            "what came is kept"
+        );
+    }
+}
+
+#[tokio::test]
+async fn a_server_that_drips_for_a_while_is_asked_again_and_the_package_comes() {
+    let drip = Fault::Slow(1, Duration::from_millis(200));
+    let outcome = download([drip]).await;
+    assert!(outcome.is_whole(), "{:?}", outcome.result.err());
+    assert_eq!(outcome.server.ranges().len(), 2, "from where it dripped");
+}
+
+#[tokio::test]
+async fn a_line_of_64_kbit_is_fast_enough() {
+    // 30 KB at 8 KB a second: several windows.
+    let server = Server::start(
+        random_bytes(2, 30_000),
+        [Fault::Slow(800, Duration::from_millis(100))],
+    )
+    .await;
+    let cache = tempfile::tempdir().expect("a folder");
+    let packages = PackageCache::new(cache.path()).expect("a cache");
+    let (client, link, avatar) = (client(), server.link(), server.avatar());
+    let fetched = client.fetch_package(&link, &avatar, &packages, |_| ());
+    fetched.await.expect("it comes");
+    assert_eq!(server.ranges(), [None], "one request");
+}
+
+#[tokio::test]
 async fn a_server_that_knows_no_ranges_is_read_from_the_beginning() {
     let outcome = download([Fault::Cut(1_000_000), Fault::IgnoresRange]).await;
     assert!(outcome.is_whole(), "{:?}", outcome.result.err());

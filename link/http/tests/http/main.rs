@@ -20,6 +20,7 @@ fn client() -> Client {
         connect: Duration::from_secs(2),
         response: Duration::from_secs(2),
         idle: Duration::from_millis(500),
+        pace: Duration::from_secs(1),
         store: Duration::from_secs(5),
         retry: Duration::from_millis(5),
     };
