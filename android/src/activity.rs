@@ -27,6 +27,7 @@ const HEXAGON_FOLDER: &str = "ADSP_LIBRARY_PATH";
 fn android_main(app: AndroidApp) {
     // Held from the first line to the end.
     let _another_may_come = Unregistered::new(&app);
+    outlive_closed_connections();
     logcat::start();
     log::info!("Mon3tr {}", env!("CARGO_PKG_VERSION"));
     let intent = java::intent(&app);
@@ -69,6 +70,12 @@ fn android_main(app: AndroidApp) {
             closing = true;
         }
     }
+}
+
+/// Ignores SIGPIPE, which ends a process that writes to a connection that the other side has closed. Rust's runtime does so in programs, and not in a library.
+fn outlive_closed_connections() {
+    // SAFETY: SIG_IGN is no function, and no handler of this library is replaced.
+    unsafe { libc::signal(libc::SIGPIPE, libc::SIG_IGN) };
 }
 
 /// Keeps `ndk-context`'s one global context free while an activity lives. android-activity registers each activity there before

@@ -24,6 +24,14 @@ pub struct ServerUrl {
 }
 
 impl ServerUrl {
+    /// The host and, where the address has one, the port: `HOST[:PORT]`. Letters of other scripts than Latin are in it as `xn--` and ASCII.
+    #[must_use]
+    pub fn authority(&self) -> &str {
+        let (_, rest) = self.base.split_once("://").unwrap_or_default();
+        rest.split_once('/')
+            .map_or(rest, |(authority, _)| authority)
+    }
+
     /// Whether the host is this machine's loopback.
     #[must_use]
     pub fn is_loopback(&self) -> bool {
@@ -104,10 +112,8 @@ fn check_address(text: &str) -> Result<ServerUrl, String> {
         other => other.to_string(),
     })?;
     if !matches!(url.scheme(), "http" | "https") {
-        return Err(format!(
-            "it must begin with http:// or https://, not {}:",
-            url.scheme()
-        ));
+        // Not repeated: it may be the first part of a token.
+        return Err("it must begin with http:// or https://".to_owned());
     }
     if !url.has_host() {
         return Err("it names no host".to_owned());
@@ -306,6 +312,19 @@ impl fmt::Debug for RoomLink {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_authority_is_host_and_port_in_ascii() {
+        for (address, authority) in [
+            ("https://example.com/a/b/", "example.com"),
+            ("http://192.0.2.1:8080", "192.0.2.1:8080"),
+            ("http://[2001:db8::1]:8080/x:y", "[2001:db8::1]:8080"),
+            ("https://ex\u{430}mple.com", "xn--exmple-4nf.com"),
+        ] {
+            let server: ServerUrl = address.parse().expect("an address");
+            assert_eq!(server.authority(), authority);
+        }
+    }
 
     #[test]
     fn an_address_is_as_long_as_it_is_written() {
