@@ -3,6 +3,10 @@
 
 #![forbid(unsafe_code)]
 
+// In the place of the standard library's macros, which panic where the reader of the output is gone.
+#[macro_use(print, println, eprintln)]
+extern crate mon3tr;
+
 mod apk;
 mod audience;
 mod bench;

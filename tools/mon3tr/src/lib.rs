@@ -1,6 +1,10 @@
 //! What the `mon3tr` command is made of: its sub-commands, the start that its programs share, and what `mon3tr-dev` builds on for
 //! developers' and operators' own.
 
+// First, for its macros take the place of the standard library's in all that follows.
+#[macro_use]
+pub mod terminal;
+
 mod backdrop;
 mod calibrate;
 mod camera;

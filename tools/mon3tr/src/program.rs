@@ -1,6 +1,7 @@
 //! How a program with these sub-commands starts and ends.
 
 use crate::device_options::DeviceOptions;
+use crate::terminal::{self, PrintableLog};
 use clap::Parser;
 use std::process::ExitCode;
 
@@ -16,9 +17,9 @@ pub struct SharedOptions {
 }
 
 /// Reads the command line and starts to log as `shared` of it says. To be called first in `main`, before there is another thread.
+///
+/// SIGPIPE stays ignored, as Rust's runtime has it: where it ended a program, whoever closes a connection while the program writes to it would.
 pub fn start<A: Parser>(shared: impl FnOnce(&A) -> &SharedOptions) -> A {
-    // `mon3tr inspect PACKAGE | head` must end quietly, as other commands do, instead of panicking at the closed pipe.
-    sigpipe::reset();
     let arguments = A::parse();
     let verbose = shared(&arguments).verbose;
     if verbose == 0 {
@@ -41,14 +42,25 @@ pub fn start<A: Parser>(shared: impl FnOnce(&A) -> &SharedOptions) -> A {
     for library in ["rtc", "webrtc"] {
         logger.filter_module(library, of_webrtc);
     }
-    logger.filter_level(level).parse_default_env().init();
+    let logger = logger.filter_level(level).parse_default_env().build();
+    let most = logger.filter();
+    // It fails where there is a log already; this is called once.
+    if log::set_boxed_logger(Box::new(PrintableLog(logger))).is_ok() {
+        log::set_max_level(most);
+    }
     arguments
 }
 
 /// The exit status of a sub-command, once its error has been told.
 pub fn end(outcome: anyhow::Result<()>) -> ExitCode {
     match outcome {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => match terminal::failure() {
+            None => ExitCode::SUCCESS,
+            Some(why) => {
+                eprintln!("error: not all of the output could be written: {why}");
+                ExitCode::FAILURE
+            }
+        },
         Err(error) => {
             // One line with the whole chain of causes: what failed, why, what to do.
             eprintln!("error: {error:#}");

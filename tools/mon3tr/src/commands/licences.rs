@@ -1,19 +1,15 @@
 //! `mon3tr licences`: what this program is made of.
 
-use std::io::Write;
-
 /// Written by `scripts/supply.py`, which CI compares with the lock file.
 const CRATES: &str = include_str!("../../licences.txt");
 
 /// Runs `licences`.
-pub(crate) fn run() -> anyhow::Result<()> {
-    let mut out = std::io::stdout().lock();
-    writeln!(
-        out,
-        "Mon3tr {} is under the MIT licence or the Apache License 2.0, as you like. It is made of these crates as well, each under its own licence:\n",
-        env!("CARGO_PKG_VERSION")
-    )?;
-    Ok(out.write_all(CRATES.as_bytes())?)
+pub(crate) fn run() {
+    println!(
+        "Mon3tr {} is under the MIT licence or the Apache License 2.0, as you like. It is made of these crates as well, each under its own licence:\n\n{}",
+        env!("CARGO_PKG_VERSION"),
+        CRATES.trim_end()
+    );
 }
 
 #[cfg(test)]

@@ -71,7 +71,10 @@ impl Command {
             Self::Call(options) => call::run(options, device),
             Self::Doctor(options) => doctor::run(options, device),
             Self::Keys(options) => keys::run(options),
-            Self::Licences => licences::run(),
+            Self::Licences => {
+                licences::run();
+                Ok(())
+            }
             Self::Send(options) => send::run(options, device),
             Self::Receive(options) => receive::run(options, device),
             Self::Profile(options) => profile::run(options, device),
