@@ -9,6 +9,7 @@ use mon3tr::keys;
 use mon3tr::network::Network;
 use mon3tr::owner_token::OwnerToken;
 use mon3tr::report::{check_writable, write_json};
+use mon3tr::secret_argument::SecretArgument;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
@@ -22,12 +23,12 @@ const MOST: usize = 10_000;
 /// Options of `audience`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
-    /// The link by which viewers join the sender
+    /// The link by which viewers join the sender: @FILE reads it from a file, - from standard input
     #[arg(value_name = "LINK")]
-    link: RoomLink,
+    link: SecretArgument,
     /// An open room for the audience, by its sender's link [default: another one is opened on the same server, and the viewers' link printed]
-    #[arg(long, value_name = "LINK")]
-    into: Option<RoomLink>,
+    #[arg(long, value_name = "@FILE|-|LINK")]
+    into: Option<SecretArgument>,
     #[command(flatten)]
     token: OwnerToken,
     /// Viewers at most
@@ -51,14 +52,15 @@ fn parse_viewers(text: &str) -> Result<usize, String> {
 /// Runs `audience`.
 pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     options.json.as_deref().map_or(Ok(()), check_writable)?;
+    let source: RoomLink = options.link.parse("sender's link")?;
     let network = Network::start()?;
     let client = Client::new(options.ca.as_deref())?;
     let keys = keys::open()?;
     let stop = network.stop_on_signal();
     let into = match &options.into {
-        Some(link) => link.clone(),
+        Some(link) => link.parse("audience's link")?,
         None => {
-            let server = options.link.server();
+            let server = source.server();
             let token = (options.token.of(server)).context(
                 "no room for the audience: give --into LINK, or what opens one on the sender's server",
             )?;
@@ -77,7 +79,6 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         }
     };
     let figures = network.block_on(async {
-        let source = options.link.clone();
         let forwarder = Forwarder::begin(
             client,
             source,

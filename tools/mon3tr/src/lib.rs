@@ -35,6 +35,7 @@ mod recording;
 mod remembered;
 pub mod report;
 pub mod scenery;
+pub mod secret_argument;
 mod side_by_side;
 pub mod size;
 mod sound;

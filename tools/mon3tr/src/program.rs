@@ -1,6 +1,7 @@
 //! How a program with these sub-commands starts and ends.
 
 use crate::device_options::DeviceOptions;
+use crate::secret_argument;
 use crate::terminal::{self, PrintableLog};
 use clap::Parser;
 use std::process::ExitCode;
@@ -20,7 +21,12 @@ pub struct SharedOptions {
 ///
 /// SIGPIPE stays ignored, as Rust's runtime has it: where it ended a program, whoever closes a connection while the program writes to it would.
 pub fn start<A: Parser>(shared: impl FnOnce(&A) -> &SharedOptions) -> A {
-    let arguments = A::parse();
+    leave_no_core();
+    let matches = A::command().try_get_matches();
+    let matches = matches.unwrap_or_else(|error| refuse(&error));
+    secret_argument::hide(&matches);
+    let arguments = A::from_arg_matches(&matches);
+    let arguments = arguments.unwrap_or_else(|error| refuse(&error.format(&mut A::command())));
     let verbose = shared(&arguments).verbose;
     if verbose == 0 {
         quieten_openxrs_loader();
@@ -49,6 +55,31 @@ pub fn start<A: Parser>(shared: impl FnOnce(&A) -> &SharedOptions) -> A {
         log::set_max_level(most);
     }
     arguments
+}
+
+/// Ends with what is wrong with the command line, or with what it asks of the parser alone: `--help`, `--version`.
+fn refuse(error: &clap::Error) -> ! {
+    let typed = std::env::args_os().skip(1);
+    let typed: Vec<String> = typed.map(|it| it.to_string_lossy().into_owned()).collect();
+    let Some(text) = secret_argument::refusal(error, &typed).filter(|_| error.use_stderr()) else {
+        error.exit()
+    };
+    eprintln!("{}", text.trim_end());
+    std::process::exit(error.exit_code())
+}
+
+/// A program that crashes leaves no file with the keys, links and tokens that it had in memory.
+fn leave_no_core() {
+    #[cfg(unix)]
+    {
+        use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+        let bounded = Rlimit {
+            current: Some(0),
+            ..getrlimit(Resource::Core)
+        };
+        // Any process may lower this limit.
+        let _ = setrlimit(Resource::Core, bounded);
+    }
 }
 
 /// The exit status of a sub-command, once its error has been told.

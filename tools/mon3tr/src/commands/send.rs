@@ -12,6 +12,7 @@ use crate::performance::MotionOptions;
 use crate::preview::Preview;
 use crate::progress;
 use crate::report::{check_writable, write_json};
+use crate::secret_argument::SecretArgument;
 use crate::stills::load_avatar;
 use crate::voice_options::VoiceOptions;
 use anyhow::{Context, bail};
@@ -53,9 +54,9 @@ pub struct Options {
     pub(crate) person: PersonOptions,
     #[command(flatten)]
     pub(crate) host: HostOptions,
-    /// The sender's link of a room that is open already, as `send` prints it
-    #[arg(long, value_name = "LINK", conflicts_with = "server")]
-    pub(crate) room: Option<RoomLink>,
+    /// The sender's link of a room that is open already, as `send` prints it: @FILE reads it from a file, - from standard input
+    #[arg(long, value_name = "@FILE|-|LINK", conflicts_with = "server")]
+    pub(crate) room: Option<SecretArgument>,
     /// Show, in a window, the camera's picture with what is seen in it, and the avatar that follows: mirrored, as one expects of a picture
     /// of oneself. It is there before the first viewer comes; Escape closes it, and the call goes on
     #[arg(long, requires = "camera")]
@@ -131,10 +132,11 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let performer = Performer::open(&options.person, avatar, options.seconds, device)?;
     let credentials = keys::of_sender(&performer.avatar)?;
     let line = Line::open(&options.trust)?;
+    let room = options.room()?;
     let desk = Desk {
-        door: options.door.door(options.room.as_ref())?,
+        door: options.door.door(room.as_ref())?,
         ..(options.person).desk(
-            options.place()?,
+            options.place(room)?,
             avatar,
             performer.rate_hz,
             credentials.clone(),
@@ -482,11 +484,17 @@ impl HostOptions {
 }
 
 impl Options {
-    fn place(&self) -> anyhow::Result<Place> {
-        if let Some(link) = &self.room {
+    /// The room that is open already, if one was given.
+    fn room(&self) -> anyhow::Result<Option<RoomLink>> {
+        let room = self.room.as_ref();
+        room.map(|link| link.parse("room's link")).transpose()
+    }
+
+    fn place(&self, room: Option<RoomLink>) -> anyhow::Result<Place> {
+        if let Some(link) = room {
             return Ok(Place::Room {
-                link: link.clone(),
-                owner_token: self.host.token.given().map(str::to_owned),
+                link,
+                owner_token: self.host.token.given()?,
             });
         }
         Ok(Place::Server {

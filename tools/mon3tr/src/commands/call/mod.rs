@@ -8,6 +8,7 @@ use crate::keys;
 use crate::network::{self, Line};
 use crate::remembered::Remembered;
 use crate::report::{check_writable, write_json};
+use crate::secret_argument::SecretArgument;
 use crate::stills::load_others_avatar;
 use crate::viewpoint::Viewpoint;
 use anyhow::{Context, anyhow};
@@ -31,9 +32,10 @@ use std::time::{Duration, Instant};
 /// Options of `call`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
-    /// The link that the first one in was told, the same for everyone; without one, this is the first one in, and the link is printed
+    /// The link that the first one in was told, the same for everyone: @FILE reads it from a file, - from standard input. Without one, this is the first one in,
+    /// and the link is printed
     #[arg(value_name = "LINK", conflicts_with = "server")]
-    link: Option<String>,
+    link: Option<SecretArgument>,
     /// What the others read that you are called [default: as in the last call, or your seat's number]
     #[arg(long, value_name = "NAME")]
     name: Option<PersonName>,
@@ -93,8 +95,8 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     show.check_in_call()?;
     let (me, avatar) = options.me()?;
     let line = Line::open(&options.trust)?;
-    // Not by the command line's own parser, which repeats what it refuses: it has a token.
-    let given: Option<CallLink> = options.link.as_deref().map(str::parse).transpose()?;
+    let given = options.link.as_ref();
+    let given: Option<CallLink> = given.map(|link| link.parse("call's link")).transpose()?;
     if let Some(link) = &given {
         network::warn_if_unproved(link.has_secret(), link.key().is_some());
     }

@@ -6,6 +6,7 @@ use crate::device_options::DeviceOptions;
 use crate::network::{Line, Trust, warn_if_unproved};
 use crate::owner_token::OwnerToken;
 use crate::report::{check_writable, write_json};
+use crate::secret_argument::SecretArgument;
 use anyhow::Context;
 use link_call::reach::{Between, Reach};
 use link_protocol::CallLink;
@@ -18,9 +19,9 @@ use std::time::Instant;
 /// Options of `doctor`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
-    /// The call's link that is to be joined: by which way others will reach this machine
+    /// The call's link that is to be joined, by which way others will reach this machine: @FILE reads it from a file, - from standard input
     #[arg(value_name = "LINK", conflicts_with = "server")]
-    link: Option<String>,
+    link: Option<SecretArgument>,
     /// The same of a server, on which a call is opened to ask
     #[arg(long, value_name = "URL")]
     server: Option<ServerUrl>,
@@ -88,7 +89,7 @@ impl Options {
 
     fn link(&self, line: &Line) -> anyhow::Result<CallLink> {
         if let Some(link) = &self.link {
-            let link: CallLink = link.parse()?;
+            let link: CallLink = link.parse("call's link")?;
             warn_if_unproved(link.has_secret(), link.key().is_some());
             return Ok(link);
         }

@@ -17,6 +17,7 @@ use crate::lanes::LaneChoices;
 use crate::network::{self, Line};
 use crate::report::{check_writable, write_json};
 use crate::scenery::SceneryOptions;
+use crate::secret_argument::SecretArgument;
 use crate::size::{Size, Views};
 use crate::sound::{Sound, SoundOptions};
 use crate::until::Until;
@@ -38,9 +39,9 @@ use std::time::Duration;
 /// Options of `receive`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
-    /// The viewers' link, as `send` prints it; of several rooms, 7 at most, the people are shown together
+    /// The viewers' link, as `send` prints it: @FILE reads it from a file, - from standard input. Of several rooms, 7 at most, the people are shown together
     #[arg(value_name = "LINK", required = true)]
-    pub(crate) rooms: Vec<RoomLink>,
+    rooms: Vec<SecretArgument>,
     /// Leave after so many pictures
     #[arg(long, value_name = "N")]
     pub(crate) frames: Option<u64>,
@@ -164,9 +165,11 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     options.show.check()?;
     // What may be missing on this machine comes before any wait.
     options.check()?;
+    let rooms = options.rooms.iter().map(|link| link.parse("room's link"));
+    let rooms: Vec<RoomLink> = rooms.collect::<anyhow::Result<_>>()?;
     let screen = Screen::open(&options.show, device)?;
     let line = Line::open(&options.trust)?;
-    let (report, outcome) = show(options, screen, &line)?;
+    let (report, outcome) = show(options, &rooms, screen, &line)?;
     if let Some(report) = report {
         report.print();
         write_json(options.json.as_deref(), &report)?;
@@ -180,10 +183,11 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
 /// If they cannot be shown.
 fn show(
     options: &Options,
+    rooms: &[RoomLink],
     mut screen: Screen,
     line: &Line,
 ) -> anyhow::Result<(Option<Report>, anyhow::Result<()>)> {
-    for room in &options.rooms {
+    for room in rooms {
         line.check_protection(room.server())?;
         network::warn_if_unproved(room.secret().is_some(), room.key().is_some());
     }
@@ -194,17 +198,13 @@ fn show(
         clock: line.clock,
     };
     // Of the people, in the order of their rooms; they stay the same where one comes back.
-    let voices: Vec<VoiceQueue> = options
-        .rooms
-        .iter()
-        .map(|_| VoiceQueue::default())
-        .collect();
+    let voices: Vec<VoiceQueue> = rooms.iter().map(|_| VoiceQueue::default()).collect();
     let samples = options.samples.as_deref();
     let mut samples = samples.map(Samples::create).transpose()?;
     let mut sound = None;
     let mut again = None;
     loop {
-        let gathered = people::gather(options, line, again, &voices)?;
+        let gathered = people::gather(rooms, line, again, &voices)?;
         let Some(people) = gathered else {
             return Ok((None, Ok(())));
         };

@@ -1,6 +1,5 @@
 //! The people of the rooms: waited for, and their avatars fetched once.
 
-use super::Options;
 use crate::device_options::cache;
 use crate::network::{Line, Network};
 use crate::progress;
@@ -72,7 +71,7 @@ impl Person {
 /// Waits for all senders, one after the other, and fetches their avatars; nothing if it is time to leave before. Of a sender who has
 /// come back, `again` is known what was announced. Of several people, whose avatar cannot be used is left out, which is told. What they say goes to `voices`, in the order of the rooms.
 pub(crate) fn gather(
-    options: &Options,
+    rooms: &[RoomLink],
     line: &Line,
     again: Option<Announcement>,
     voices: &[VoiceQueue],
@@ -84,7 +83,7 @@ pub(crate) fn gather(
         ..
     } = line;
     let (mut people, mut refused) = (Vec::new(), None);
-    for (room, voice) in options.rooms.iter().zip(voices) {
+    for (room, voice) in rooms.iter().zip(voices) {
         let announced = match again {
             Some(announced) => announced,
             None => match network.block_on(wait_for_sender(client, room, stop))? {
@@ -100,7 +99,7 @@ pub(crate) fn gather(
         let (avatar, figures) = match load_others_avatar(&path) {
             Ok(loaded) => loaded,
             // The others are seen without them.
-            Err(error) if options.rooms.len() > 1 => {
+            Err(error) if rooms.len() > 1 => {
                 log::warn!("a person cannot be shown: {error:#}");
                 refused = Some(error);
                 continue;

@@ -13,7 +13,6 @@ use anyhow::Context;
 use forwarding::Forwarder;
 use link_protocol::ice::IceUrl;
 use server::{Config, Secret, Server, StoreConfig, TurnConfig, own_address};
-use std::io::Write;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -90,7 +89,12 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     raise_open_files();
     let folder = server_folder(options.data.as_deref())?;
     make_folder(&folder)?;
-    let secret = Secret::load_or_create(&folder.join("secret"))?;
+    let secret = folder.join("secret");
+    if secret.exists() {
+        identity::open_private(&secret)
+            .context("whoever reads the server's secret can make any token")?;
+    }
+    let secret = Secret::load_or_create(&secret)?;
     let owners = owners::Owners::new(folder.clone(), secret.clone());
     if options.tokens.run(&owners)? {
         return Ok(());
@@ -142,9 +146,6 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         println!(
             "now open a call:\n  mon3tr call --server {scheme}://{address} --avatar PACKAGE.m3a\nor a room, for a sender and its viewers:\n  mon3tr send --server {scheme}://{address} --avatar PACKAGE.m3a"
         );
-        std::io::stdout()
-            .flush()
-            .context("cannot say where this serves")?;
         tokio::select! {
             asked = asked_to_end() => {
                 asked.context("cannot wait for Ctrl-C")?;

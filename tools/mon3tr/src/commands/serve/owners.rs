@@ -1,6 +1,7 @@
 //! Tokens of those who open rooms: made for a time, renewed before it is over, and taken back one by one.
 
 use crate::owner_token::OWNER_TOKEN;
+use crate::secret_argument::SecretArgument;
 use anyhow::Context;
 use server::{Id, Secret, now};
 use std::convert::Infallible;
@@ -29,9 +30,10 @@ pub(super) struct TokenOptions {
     /// How many days that token holds
     #[arg(long, value_name = "DAYS", default_value = "90", requires = "new_owner", value_parser = clap::value_parser!(u64).range(1..=3650))]
     days: u64,
-    /// Take back a token of any kind, an owner's or one at the end of a link, or one by its name, and end; a server that runs knows it within two seconds
-    #[arg(long, value_name = "TOKEN", conflicts_with = "new_owner")]
-    revoke: Option<String>,
+    /// Take back a token of any kind, an owner's or one at the end of a link, or one by its name, and end; a server that runs knows it within two seconds. @FILE
+    /// reads the token from a file, - from standard input
+    #[arg(long, value_name = "@FILE|-|TOKEN", conflicts_with = "new_owner")]
+    revoke: Option<SecretArgument>,
 }
 
 impl TokenOptions {
@@ -50,7 +52,7 @@ impl TokenOptions {
         let Some(token) = &self.revoke else {
             return Ok(false);
         };
-        let id = owners.name_of(token)?;
+        let id = owners.name_of(&token.read("token")?)?;
         server::revoke(&owners.revoked_file(), id)?;
         println!("the token called {id} holds no longer");
         Ok(true)
@@ -163,14 +165,14 @@ mod tests {
         let revoke = TokenOptions {
             new_owner: None,
             days: 90,
-            revoke: Some(second.clone()),
+            revoke: second.parse().ok(),
         };
         assert!(revoke.run(&owners).expect("revoked"));
         owners.renew().expect("renewed");
         let (other, _) = secret.look_at_token(&kept()).expect("genuine");
         assert_ne!(other, id, "another one");
         let nonsense = TokenOptions {
-            revoke: Some("nonsense".to_owned()),
+            revoke: "nonsense".parse().ok(),
             ..revoke
         };
         assert!(nonsense.run(&owners).is_err());
