@@ -218,4 +218,5 @@ async def main():
     return await Sender(options).run()
 
 
-sys.exit(asyncio.run(main()))
+if __name__ == "__main__":
+    sys.exit(asyncio.run(main()))

@@ -258,4 +258,5 @@ async def main():
     return await Call(options).run()
 
 
-sys.exit(asyncio.run(main()))
+if __name__ == "__main__":
+    sys.exit(asyncio.run(main()))

@@ -54,6 +54,7 @@ mod plan;
 mod privacy;
 mod proof;
 pub mod reach;
+mod screening;
 mod seal;
 mod seats;
 pub mod sender;

@@ -1,9 +1,10 @@
-//! One WebRTC connection with its two data channels and the voice's track. This file, `nudge.rs` and `voice_track.rs` alone use
-//! the `webrtc` crate.
+//! One WebRTC connection with its two data channels and the voice's track. This file, `nudge.rs`, `screening/` and `voice_track.rs` alone
+//! use the `webrtc` crate.
 
 use crate::nudge::Nudge;
 use crate::path::{CandidateKind, Path, PathEnd};
 use crate::plan::{Plan, Relay};
+use crate::screening::Screening;
 use crate::voice_track::{self, OutgoingVoice, VoicePacket};
 use crate::{CallError, candidates, is_set};
 use bytes::{Bytes, BytesMut};
@@ -31,6 +32,9 @@ use webrtc::peer_connection::{
 /// Bytes that may wait to be sent: some eight motion frames. The default, no limit, would let seconds of old motion wait before the
 /// newest on a slow network.
 const SEND_BUFFER: usize = 4_000;
+
+/// Bytes of messages that came in pieces or out of order and wait for the rest: eight times what the other side may have on its way.
+const RECEIVE_BUFFER: u32 = 32 << 10;
 
 /// Messages that may wait to be read, and packets of voice beside them; more are dropped. A flood of one does not touch the other.
 const MAX_WAITING: usize = 256;
@@ -214,10 +218,14 @@ impl Peer {
         incoming: Channel,
         mdns: MulticastDnsMode,
     ) -> Result<Self, CallError> {
-        let [disconnected, failed, keep_alive] = ICE_TIMEOUTS.map(Some);
+        let [disconnected, lost, keep_alive] = ICE_TIMEOUTS.map(Some);
+        let (fail, failed) = watch::channel(false);
+        let screening = Screening::new(fail.clone());
         let settings = SettingEngineBuilder::new()
+            .with_crypto_provider(screening.crypto()?)
+            .with_sctp_max_receive_buffer_size(RECEIVE_BUFFER)
             .with_multicast_dns_mode(mdns)
-            .with_ice_timeouts(disconnected, failed, keep_alive)
+            .with_ice_timeouts(disconnected, lost, keep_alive)
             .with_dtls_cipher_suites(CIPHERS.to_vec())
             .with_host_acceptance_min_wait(None)
             .with_srflx_acceptance_min_wait(Some(NAT_WAIT))
@@ -228,7 +236,6 @@ impl Peer {
             .with_answering_dtls_role(RTCDtlsRole::Server)
             .build();
         let is_local = candidates::has_loopback(&plan.local);
-        let (fail, failed) = watch::channel(false);
         let (gather, gathered) = watch::channel(Gathered::default());
         let servers: Vec<RTCIceServer> = plan
             .servers
@@ -243,6 +250,7 @@ impl Peer {
         let (events, received) = mpsc::channel(MAX_WAITING);
         let (hear, heard) = mpsc::channel(MAX_VOICE_WAITING);
         let connection = PeerConnectionBuilder::new()
+            .with_runtime(screening.runtime())
             .with_configuration(configuration.build())
             .with_setting_engine(settings)
             .with_media_engine(voice_track::media_engine()?)

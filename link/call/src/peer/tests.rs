@@ -161,3 +161,34 @@ async fn two_peers_connect_and_disconnect() {
         assert!(matches!(last, Ok(PeerEvent::Closed)), "{last:?}");
     }
 }
+
+/// A viewer's and a sender's end, connected.
+async fn connected() -> (Peer, Peer) {
+    let mode = ChannelMode::Unreliable;
+    let (mut viewer, offer) = Peer::offer(loopback(), mode).await.expect("an offer");
+    let (mut sender, answer) = Peer::answer(loopback(), mode, offer)
+        .await
+        .expect("an answer");
+    viewer.accept(answer).await.expect("a good answer");
+    for peer in [&mut viewer, &mut sender] {
+        peer.opened().await.expect("an open channel");
+    }
+    (viewer, sender)
+}
+
+#[tokio::test]
+async fn a_connection_ends_whose_other_side_opens_a_channel_in_band() {
+    for is_viewer in [true, false] {
+        let (viewer, sender) = connected().await;
+        let (attacker, mut other) = if is_viewer {
+            (viewer, sender)
+        } else {
+            (sender, viewer)
+        };
+        let channel = attacker.connection.create_data_channel("another", None);
+        let _channel = channel.await.expect("it may ask");
+        let ended = async { while !matches!(other.next().await, PeerEvent::Closed) {} };
+        let ended = tokio::time::timeout(Duration::from_secs(4), ended).await;
+        assert!(ended.is_ok(), "the viewer: {is_viewer}");
+    }
+}

@@ -328,9 +328,14 @@ impl House {
         Program::start(self, self.folder.path(), &arguments)
     }
 
+    /// The server's process.
+    pub(crate) fn server(&self) -> &Program {
+        self.server.as_ref().expect("it runs")
+    }
+
     /// All that the server has said so far.
     pub(crate) fn said_by_server(&self) -> String {
-        self.server.as_ref().expect("it runs").said()
+        self.server().said()
     }
 
     /// Waits until the server has said `words` in so many lines.
