@@ -2,6 +2,7 @@
 
 use crate::budget::Budget;
 use crate::message::{Transaction, Writer, attribute, kind};
+use crate::table::Holder;
 use std::collections::HashMap;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -90,7 +91,7 @@ pub(crate) struct Terms {
     pub(crate) client: Client,
     pub(crate) way: Way,
     pub(crate) username: String,
-    pub(crate) subject: String,
+    pub(crate) holder: Holder,
     /// The address that is lent, as peers see it.
     pub(crate) relayed: SocketAddr,
     pub(crate) socket: UdpSocket,

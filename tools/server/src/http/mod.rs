@@ -1,9 +1,10 @@
-//! The routes. Every request passes, from outside in: CORS, the counters, the rate limit, its token, its timeout.
+//! The routes. Every request passes, from outside in: the counters, the rate limit, CORS, its token, its timeout.
 
 mod calls;
 mod error;
 mod guard;
 mod health;
+mod joined;
 mod member_uploads;
 mod packages;
 mod presence;
@@ -11,7 +12,9 @@ mod rate_limit;
 mod rooms;
 mod senders_room;
 
-use crate::forwarding::Forwarding;
+use crate::blocked::Blocked;
+use crate::connections::Gate;
+use crate::forwarding::{Forwarding, SendersRoom};
 use crate::ice::Ice;
 use crate::metrics::Metrics;
 use crate::packages::Packages;
@@ -26,9 +29,11 @@ use axum::middleware::{from_fn, from_fn_with_state};
 use axum::routing::{get, post, put};
 use error::HttpError;
 pub(crate) use health::Cached;
+pub(crate) use joined::Joined;
 use link_protocol::limits::MAX_JSON_BYTES;
 use member_uploads::MemberUploads;
 pub(crate) use rate_limit::RateLimit;
+use senders_room::RoomHere;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio_util::sync::CancellationToken;
@@ -39,7 +44,11 @@ use tower_http::cors::{Any, CorsLayer};
 pub(crate) struct App {
     pub(crate) limits: Limits,
     pub(crate) secret: Secret,
-    pub(crate) revoked: Revoked,
+    pub(crate) revoked: Arc<Revoked>,
+    pub(crate) blocked: Arc<Blocked>,
+    pub(crate) gate: Gate,
+    /// Sessions that end with their token.
+    pub(crate) joined: Joined,
     pub(crate) rooms: Arc<Rooms>,
     pub(crate) relay: Option<Relay>,
     pub(crate) ice: Ice,
@@ -60,6 +69,41 @@ impl App {
             (Some(presence), _) => presence.ask(request).await,
             (None, Some(relay)) => relay.ask(room, &request).await,
             (None, None) => RoomReply::Absent,
+        }
+    }
+
+    /// Ends what came about by tokens that are revoked now: relays at once; of viewers' sessions, those that are forwarded to, and by the senders the others.
+    pub(crate) fn end_revoked(self: &Arc<Self>) {
+        if let Some(relay) = self.ice.relay() {
+            relay.end_refused();
+        }
+        let over = self.joined.take(|names| self.revoked.has_any(names));
+        if over.is_empty() {
+            return;
+        }
+        log::info!(
+            "{} viewers are sent away: their tokens are revoked",
+            over.len()
+        );
+        let app = Arc::downgrade(self);
+        tokio::spawn(async move {
+            for (room, session) in over {
+                let Some(app) = app.upgrade() else { return };
+                if let Some(forwarding) = &app.forwarding {
+                    forwarding.leave(&session.into());
+                }
+                let room = RoomHere::new(&app, room);
+                drop(app);
+                room.left(&session.into()).await;
+            }
+        });
+    }
+
+    /// Ends the connections and relays of addresses that are blocked now.
+    pub(crate) fn end_blocked(&self) {
+        self.gate.close_blocked();
+        if let Some(relay) = self.ice.relay() {
+            relay.end_refused();
         }
     }
 }
@@ -113,9 +157,9 @@ pub(crate) fn router(app: Arc<App>) -> Router {
         .fallback(async || HttpError::NotFound)
         .method_not_allowed_fallback(async || HttpError::NoMethod)
         .layer(from_fn_with_state(Arc::clone(&app), guard::authenticate))
+        .layer(cors())
         .layer(from_fn_with_state(Arc::clone(&app), guard::limit_rate))
         .layer(from_fn_with_state(Arc::clone(&app), guard::count))
-        .layer(cors())
         .with_state(app)
 }
 

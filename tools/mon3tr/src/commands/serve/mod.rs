@@ -90,7 +90,10 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     raise_open_files();
     let folder = server_folder(options.data.as_deref())?;
     make_folder(&folder)?;
-    let secret = Secret::load_or_create(&folder.join("secret"))?;
+    let mut secret = Secret::load_or_create(&folder.join("secret"))?;
+    if let Some(previous) = Secret::load(&folder.join("secret.previous"))? {
+        secret = secret.after(&previous);
+    }
     let owners = owners::Owners::new(folder.clone(), secret.clone());
     if options.tokens.run(&owners)? {
         return Ok(());
@@ -103,6 +106,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         secret,
     );
     config.revoked = Some(owners.revoked_file());
+    config.blocked = Some(folder.join("blocked"));
     config.stun.clone_from(&options.stun);
     config.turn = options.turn.map(|listen| TurnConfig {
         external: options.turn_external,
