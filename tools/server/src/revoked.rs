@@ -290,7 +290,10 @@ mod tests {
             all.push(name);
             let (text, long) = (fs::read_to_string(&file)?, fs::metadata(&file)?.len());
             let said = text.trim_end().len();
-            assert!(long as usize - said >= RESERVE / 2, "{said} of {long}");
+            assert!(
+                usize::try_from(long)? - said >= RESERVE / 2,
+                "{said} of {long}"
+            );
         }
         revoked.look();
         assert!(all.iter().all(|name| revoked.has_any([*name])), "each");

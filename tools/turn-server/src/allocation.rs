@@ -1,8 +1,8 @@
 //! An allocation: the address that the server lends a client, whom it may exchange packets with, and how they reach the client.
 
 use crate::budget::Budget;
+use crate::holder::Holder;
 use crate::message::{Transaction, Writer, attribute, kind};
-use crate::table::Holder;
 use std::collections::HashMap;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

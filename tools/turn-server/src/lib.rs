@@ -25,6 +25,7 @@ mod budget;
 mod config;
 mod connections;
 pub mod credentials;
+mod holder;
 mod message;
 mod peers;
 mod server;

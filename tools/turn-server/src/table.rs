@@ -2,7 +2,8 @@
 
 use crate::allocation::{Allocation, Client};
 use crate::config::Limits;
-use crate::credentials::{Role, Subject};
+use crate::credentials::Role;
+use crate::holder::{Holder, Token};
 use std::borrow::Borrow;
 use std::collections::HashMap;
 use std::fmt;
@@ -27,9 +28,6 @@ pub(crate) struct Table {
     limits: Limits,
 }
 
-/// A token's name, and the room that it is used in.
-type Token = (String, String);
-
 /// Which bound an allocation would break.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Full {
@@ -49,28 +47,6 @@ impl fmt::Display for Full {
             Self::Token => "its token has as many as it may, from its address or in all",
             Self::Address => "its address has as many as it may",
         })
-    }
-}
-
-/// For whom an allocation is counted.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Holder {
-    pub(crate) room: String,
-    pub(crate) role: Role,
-    pub(crate) tokens: String,
-    token: Token,
-    owner: String,
-}
-
-impl From<Subject<'_>> for Holder {
-    fn from(subject: Subject<'_>) -> Self {
-        Self {
-            room: subject.room.to_owned(),
-            role: subject.role,
-            tokens: subject.tokens.to_owned(),
-            token: (subject.room.to_owned(), subject.token().to_owned()),
-            owner: subject.owner.to_owned(),
-        }
     }
 }
 

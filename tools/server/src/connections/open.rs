@@ -256,8 +256,8 @@ mod tests {
         let mut open = Open::new(16, 16);
         let trusted: Vec<_> = (0..4).map(|i| enter(&mut open, 1, i, 0)).collect();
         (0..4).for_each(|i| open.trust(&client(1, i)));
-        for port in 0..100 {
-            enter(&mut open, 2 + (port % 50) as u8, port, u64::from(port));
+        for number in 0..100_u8 {
+            enter(&mut open, 2 + number % 50, number.into(), number.into());
         }
         assert!(!trusted.iter().any(|place| place.closed.is_cancelled()));
         assert_eq!(open.len(), 16);

@@ -18,6 +18,8 @@ struct Session {
     room: Id,
     session: Id,
     claims: Claims,
+    /// It was found that its token holds no longer.
+    is_over: bool,
 }
 
 impl Joined {
@@ -35,27 +37,31 @@ impl Joined {
             room,
             session,
             claims: *claims,
+            is_over: false,
         });
     }
 
-    /// Takes out the sessions of which `is_over` says that a token of these names holds no longer: their rooms and names.
-    pub(super) fn take(
+    /// The sessions of which `is_over` says for the first time that a token of these names holds no longer: their rooms and names.
+    pub(super) fn newly_over(
         &self,
         is_over: impl Fn(&mut dyn Iterator<Item = Id>) -> bool,
     ) -> Vec<(Id, Id)> {
-        let mut taken = Vec::new();
-        let mut owners = self.locked();
-        for sessions in owners.values_mut() {
-            sessions.retain(|session| {
-                let is_over = is_over(&mut session.claims.names());
-                if is_over {
-                    taken.push((session.room, session.session));
-                }
-                !is_over
-            });
+        let mut over = Vec::new();
+        for session in self.locked().values_mut().flatten() {
+            if !session.is_over && is_over(&mut session.claims.names()) {
+                session.is_over = true;
+                over.push((session.room, session.session));
+            }
         }
-        owners.retain(|_, sessions| !sessions.is_empty());
-        taken
+        over
+    }
+
+    /// The sessions of a room of this owner's, the newest last.
+    pub(super) fn of_room(&self, owner: Id, room: Id) -> Vec<Id> {
+        let owners = self.locked();
+        let sessions = owners.get(&owner).into_iter().flatten();
+        let sessions = sessions.filter(|session| session.room == room);
+        sessions.map(|session| session.session).collect()
     }
 
     /// Forgets sessions whose token has expired.
@@ -94,11 +100,14 @@ mod tests {
         let of = |claims: Claims| {
             move |names: &mut dyn Iterator<Item = Id>| names.any(|name| name == claims.name)
         };
-        assert_eq!(joined.take(of(eve)).len(), PER_OWNER);
-        assert_eq!(joined.take(of(ada)), [(room, first)]);
-        assert!(joined.locked().is_empty());
-        joined.add(&ada, room, first, 0);
+        assert_eq!(joined.newly_over(of(eve)).len(), PER_OWNER);
+        assert_eq!(joined.newly_over(of(ada)), [(room, first)]);
+        assert_eq!(joined.newly_over(of(ada)), [], "once");
+        assert_eq!(joined.of_room(ada.owner, room), [first]);
+        assert_eq!(joined.of_room(ada.owner, first), [], "another room");
         joined.forget_over(10);
+        assert_eq!(joined.of_room(ada.owner, room), [], "expired");
+        joined.forget_over(20);
         assert!(joined.locked().is_empty());
         Ok(())
     }

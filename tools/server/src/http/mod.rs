@@ -34,6 +34,7 @@ use link_protocol::limits::MAX_JSON_BYTES;
 use member_uploads::MemberUploads;
 pub(crate) use rate_limit::RateLimit;
 use senders_room::RoomHere;
+use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio_util::sync::CancellationToken;
@@ -77,7 +78,7 @@ impl App {
         if let Some(relay) = self.ice.relay() {
             relay.end_refused();
         }
-        let over = self.joined.take(|names| self.revoked.has_any(names));
+        let over = self.joined.newly_over(|names| self.revoked.has_any(names));
         if over.is_empty() {
             return;
         }
@@ -85,18 +86,22 @@ impl App {
             "{} viewers are sent away: their tokens are revoked",
             over.len()
         );
-        let app = Arc::downgrade(self);
-        tokio::spawn(async move {
-            for (room, session) in over {
-                let Some(app) = app.upgrade() else { return };
-                if let Some(forwarding) = &app.forwarding {
-                    forwarding.leave(&session.into());
-                }
-                let room = RoomHere::new(&app, room);
-                drop(app);
-                room.left(&session.into()).await;
+        let mut rooms = HashMap::<Id, Vec<Id>>::new();
+        for (room, session) in over {
+            if let Some(forwarding) = &self.forwarding {
+                forwarding.leave(&session.into());
             }
-        });
+            rooms.entry(room).or_default().push(session);
+        }
+        for (room, sessions) in rooms {
+            let room = RoomHere::new(self, room);
+            // Each for itself: a sender that takes nothing keeps no other waiting.
+            tokio::spawn(async move {
+                for session in sessions {
+                    room.left(&session.into()).await;
+                }
+            });
+        }
     }
 
     /// Ends the connections and relays of addresses that are blocked now.

@@ -148,6 +148,8 @@ enum Next {
     /// That the server forwards, if it does.
     Forwards,
     Event,
+    /// That the viewers of these sessions leave, because the sender's token is revoked; then the end.
+    Leaves(Vec<Id>),
     /// The end.
     Nothing,
 }
@@ -174,7 +176,11 @@ impl EventStream {
                 }
                 () = self.stopping.cancelled() => return None,
                 // Who has no right to the room any more is to hear of nobody in it, nor to keep others out.
-                () = self.app.revoked.until_any(&self.names) => return None,
+                () = self.app.revoked.until_any(&self.names) => {
+                    let sessions = self.app.joined.of_room(self.claims.owner, self.room);
+                    self.next = Next::Leaves(sessions);
+                    SseEvent::default().comment("revoked")
+                }
                 () = tokio::time::sleep_until(self.ends) => return None,
                 () = tokio::time::sleep_until(self.tell_ice), if self.app.ice.has_any() => {
                     self.tell_ice = Instant::now() + TELL_ICE_EVERY;
@@ -183,6 +189,9 @@ impl EventStream {
                 }
                 event = self.events.recv() => sse(&event?),
             },
+            Next::Leaves(ref mut sessions) => sse(&PresenceEvent::Leave {
+                session: sessions.pop()?.into(),
+            }),
             Next::Nothing => return None,
         };
         Some((Ok(event), self))

@@ -2,7 +2,7 @@
 
 use super::extent;
 use crate::command::command;
-use crate::house::House;
+use crate::house::{House, wait_for};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Write};
@@ -218,7 +218,8 @@ fn a_flood_of_requests_without_credentials_silences_its_own_address_alone() {
         .and_then(|rest| rest.split(',').next());
     let relay: u16 = port.and_then(|port| port.parse().ok()).expect("a port");
     let socket = |last| {
-        let socket = UdpSocket::bind(([127, 0, 0, last], 0)).expect("a socket");
+        let from = SocketAddr::from(([127, 0, 0, last], 0));
+        let socket = UdpSocket::bind(from).expect("a socket");
         socket.connect(("127.0.0.1", relay)).expect("a way");
         socket
     };
@@ -351,4 +352,65 @@ fn a_token_is_revoked_while_the_disk_is_full() {
     writeln!(orders, "kill $server; wait").expect("told");
     drop(orders);
     shell.wait().expect("it ends");
+}
+
+#[test]
+fn an_operator_blocks_addresses_and_replaces_the_secret_while_tokens_hold() {
+    let mut house = House::open_with(&["--turn", "127.0.0.1:0"]);
+    let words = "relaying calls that find no direct way on port ";
+    house.server_says(words, 1);
+    let said = house.said_by_server();
+    let port = said
+        .split(words)
+        .nth(1)
+        .and_then(|rest| rest.split(',').next());
+    let relay: u16 = port.and_then(|port| port.parse().ok()).expect("a port");
+    let client = |last| {
+        let from = SocketAddr::from(([127, 0, 0, last], 0));
+        let socket = UdpSocket::bind(from).expect("a socket");
+        socket.connect(("127.0.0.1", relay)).expect("a way");
+        socket
+    };
+    let (server, before) = (house.address, house.owner_token());
+    let status = |house: &House, from, line: &str, token: &str| {
+        let asked = ask(server, from, line, token, b"");
+        house
+            .runtime
+            .block_on(asked)
+            .map_or(0, |answer| answer.status)
+    };
+    let (hostile, honest) = ([127, 0, 0, 66], [127, 0, 0, 72]);
+    let health = "GET /healthz";
+    assert_eq!(status(&house, hostile, health, ""), 200, "not blocked");
+    assert!(is_answered(&client(66)), "nor by the relay");
+    std::fs::write(house.path("server/blocked"), "127.0.0.64/29 # case 1\n").expect("written");
+    wait_for("the end of service", || {
+        (status(&house, hostile, health, "") == 0).then_some(())
+    });
+    assert!(!is_answered(&client(66)), "nor does the relay answer");
+    assert_eq!(status(&house, honest, health, ""), 200, "another address");
+    assert!(is_answered(&client(72)), "of another address");
+
+    let open = "POST /v1/rooms";
+    let (secret, previous) = (
+        house.path("server/secret"),
+        house.path("server/secret.previous"),
+    );
+    house.kill_server();
+    std::fs::rename(&secret, &previous).expect("renamed");
+    house.start_server();
+    let after = house.owner_token();
+    assert_ne!(after, before, "another secret signed it");
+    for token in [&before, &after] {
+        assert_eq!(status(&house, honest, open, token), 201, "both hold");
+    }
+    house.kill_server();
+    std::fs::remove_file(&previous).expect("removed");
+    house.start_server();
+    assert_eq!(
+        status(&house, honest, open, &before),
+        401,
+        "of the one before"
+    );
+    assert_eq!(status(&house, honest, open, &after), 201, "of the new one");
 }
