@@ -262,7 +262,8 @@ mod tests {
         let file = folder.path().join("revoked");
         let revoked = Revoked::open(Some(file.clone()))?;
         let [ada, bob] = [Id::random()?, Id::random()?];
-        let mut waits = std::pin::pin!(revoked.until_any(&[ada]));
+        let awaited = [ada];
+        let mut waits = std::pin::pin!(revoked.until_any(&awaited));
         for (name, is_over) in [(bob, false), (ada, true)] {
             assert_eq!((&mut waits).now_or_never(), None, "holds");
             revoke(&file, name)?;

@@ -98,7 +98,9 @@ mod tests {
             joined.add(&eve, room, Id::random()?, 0);
         }
         let of = |claims: Claims| {
-            move |names: &mut dyn Iterator<Item = Id>| names.any(|name| name == claims.name)
+            move |names: &mut dyn Iterator<Item = Id>| {
+                std::iter::from_fn(|| names.next()).any(|name| name == claims.name)
+            }
         };
         assert_eq!(joined.newly_over(of(eve)).len(), PER_OWNER);
         assert_eq!(joined.newly_over(of(ada)), [(room, first)]);

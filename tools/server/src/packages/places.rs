@@ -284,7 +284,7 @@ mod tests {
         }
     }
 
-    fn places(places: usize, of_owner: Share, waiting: usize) -> Places {
+    fn sharing(places: usize, of_owner: Share, waiting: usize) -> Places {
         Places::new(Shares {
             places,
             of_owner,
@@ -300,7 +300,7 @@ mod tests {
 
     #[test]
     fn a_call_has_two_places_and_takes_turns_with_its_owners_other_calls() {
-        let places = places(8, Share::AsManyAsAreLeft, 3);
+        let places = sharing(8, Share::AsManyAsAreLeft, 3);
         let call = |number| Party {
             owner: owner(1),
             call: Some(owner(number)),
@@ -333,7 +333,7 @@ mod tests {
 
     #[test]
     fn an_owner_without_a_place_gets_one_of_who_has_the_most() {
-        let places = places(4, Share::AsManyAsAreLeft, 3);
+        let places = sharing(4, Share::AsManyAsAreLeft, 3);
         let mut held = [(1, 2), (2, 1), (3, 1)].map(|(number, most)| {
             (0..most)
                 .map(|_| at_once(&places, itself(number)).expect("free"))
@@ -362,20 +362,20 @@ mod tests {
 
     #[test]
     fn one_owner_has_no_more_places_than_it_leaves_to_others() {
-        let places = places(8, Share::AsManyAsAreLeft, 100);
+        let places = sharing(8, Share::AsManyAsAreLeft, 100);
         for (number, most) in [(1, 4), (2, 2), (3, 1), (4, 1), (5, 0)] {
             let taken: Vec<_> = std::iter::from_fn(|| at_once(&places, itself(number))).collect();
             assert_eq!(taken.len(), most, "owner {number}");
             // They stay taken.
             taken.into_iter().for_each(std::mem::forget);
         }
-        let alone = places(1, Share::AsManyAsAreLeft, 100);
+        let alone = sharing(1, Share::AsManyAsAreLeft, 100);
         assert!(at_once(&alone, itself(1)).is_some(), "the only one");
     }
 
     #[test]
     fn an_owner_with_a_long_queue_takes_turns_with_the_others() {
-        let places = places(1, Share::All, 22);
+        let places = sharing(1, Share::All, 22);
         let first = at_once(&places, itself(1)).expect("free");
         let mut waiting: Vec<_> = (0..22).map(|_| Box::pin(places.take(itself(1)))).collect();
         for one in &mut waiting {
