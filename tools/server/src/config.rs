@@ -34,6 +34,8 @@ pub struct Config {
     pub tls: Option<(PathBuf, PathBuf)>,
     /// A file with the names of tokens that hold no longer ([`crate::revoke`]); it need not be there.
     pub revoked: Option<PathBuf>,
+    /// A file with addresses and prefixes (`203.0.113.0/24`), one a line, that are not served; it need not be there, and is read again when it changes.
+    pub blocked: Option<PathBuf>,
     /// Bounds.
     pub limits: Limits,
 }
@@ -54,6 +56,7 @@ impl Config {
             #[cfg(feature = "tls")]
             tls: None,
             revoked: None,
+            blocked: None,
             limits: Limits::default(),
         }
     }
@@ -127,8 +130,14 @@ pub struct Limits {
     /// Bytes that these may have together; each owner's count in full, also where another one has put the same.
     #[serde(deserialize_with = "whole::<1, { 1 << 50 }, _, _>")]
     pub bytes_per_owner: u64,
+    /// Bytes that all packages in the local store may have together. A bucket's are its provider's to bound.
+    #[serde(deserialize_with = "whole::<1, { 1 << 50 }, _, _>")]
+    pub store_bytes: u64,
+    /// Bytes that stay free on the disks of the local store and of the spool; of a small disk a tenth.
+    #[serde(deserialize_with = "whole::<0, { 1 << 50 }, _, _>")]
+    pub disk_reserve: u64,
     /// Requests a second that one address may make in the long run; 0 lifts the limit. The address is the connection's, or, behind a proxy, the
-    /// last one in `X-Forwarded-For`. IPv6 addresses count by their /64.
+    /// last one in `X-Forwarded-For`. IPv6 addresses count by their /56.
     #[serde(deserialize_with = "whole::<0, 1_000_000, _, _>")]
     pub requests_per_second: u32,
     /// All connections come from a proxy, which adds the client's address to `X-Forwarded-For`. They are not counted by address then, and nobody else may
@@ -140,7 +149,7 @@ pub struct Limits {
     /// Connections at once, from everywhere.
     #[serde(deserialize_with = "whole::<1, 1_000_000, _, _>")]
     pub connections: usize,
-    /// Connections at once from one address (IPv6: from one /64).
+    /// Connections at once from one address (IPv6: from one /56).
     #[serde(deserialize_with = "whole::<1, 1_000_000, _, _>")]
     pub connections_per_address: usize,
     /// Rooms whose senders are connected to this instance.
@@ -184,6 +193,8 @@ impl Default for Limits {
             checks_at_once: 1,
             packages_per_owner: 200,
             bytes_per_owner: 4 << 30,
+            store_bytes: 64 << 30,
+            disk_reserve: 1 << 30,
             requests_per_second: 50,
             behind_proxy: false,
             request_burst: 500,

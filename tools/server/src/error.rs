@@ -48,6 +48,18 @@ pub enum ServerError {
         /// The file.
         path: PathBuf,
     },
+    /// The list of blocked addresses cannot be used.
+    #[error(
+        "cannot use {}, which lists the addresses that are blocked, an address or a prefix such as 203.0.113.0/24 in each line: correct it",
+        path.display()
+    )]
+    BlockedFile {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        source: std::io::Error,
+    },
     /// The system gives no random numbers.
     #[error("the system gives no random numbers: {reason}")]
     Random {

@@ -1,17 +1,17 @@
 //! The STUN and TURN servers that a room's bearers are told: those of others that the operator named, and this server's own, with
 //! credentials for the room.
 
-use crate::token::{now, turn_key};
+use crate::token::{Claims, Role, now, turn_key};
 use crate::{Config, Id, ServerError};
 use axum::http::uri::Authority;
 use axum::http::{HeaderMap, header};
 use link_protocol::IceServers;
 use link_protocol::ice::{IceKind, IceServer, IceUrl};
 use std::net::{IpAddr, Ipv4Addr, UdpSocket};
-#[cfg(feature = "tls")]
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 use std::time::Duration;
-use turn_server::{Key, TurnServer};
+use turn_server::credentials as relay;
+use turn_server::{Admission, Key, TurnServer};
 
 /// How long a credential allows new relays. A relay that a call uses lives on.
 const CREDENTIAL_LIFETIME: Duration = Duration::from_secs(3600);
@@ -33,14 +33,16 @@ struct Own {
     port: u16,
     key: Key,
     tls: bool,
+    server: Weak<TurnServer>,
 }
 
 impl Ice {
     /// Starts the relay, if there should be one.
     pub(crate) fn start(
         config: &Config,
+        admission: Arc<dyn Admission>,
         #[cfg(feature = "tls")] tls: Option<Arc<rustls::ServerConfig>>,
-    ) -> Result<(Self, Option<TurnServer>), ServerError> {
+    ) -> Result<(Self, Option<Arc<TurnServer>>), ServerError> {
         let stun = config.stun.iter().map(ToString::to_string).collect();
         let Some(turn) = &config.turn else {
             return Ok((Self { stun, own: None }, None));
@@ -50,6 +52,7 @@ impl Ice {
         settings.external = turn.external;
         settings.private_peers = turn.private_peers;
         settings.limits = turn.limits.clone();
+        settings.admission = admission;
         #[cfg(not(feature = "tls"))]
         let tls = false;
         #[cfg(feature = "tls")]
@@ -57,7 +60,7 @@ impl Ice {
             settings.tls = tls.map(for_turn);
             settings.tls.is_some()
         };
-        let server = TurnServer::start(settings)?;
+        let server = Arc::new(TurnServer::start(settings)?);
         let port = server.address().port();
         let named = turn.external.or(Some(turn.listen.ip()));
         let host = named
@@ -69,6 +72,7 @@ impl Ice {
             port,
             key,
             tls,
+            server: Arc::downgrade(&server),
         });
         Ok((Self { stun, own }, Some(server)))
     }
@@ -78,19 +82,45 @@ impl Ice {
         self.own.is_some() || !self.stun.is_empty()
     }
 
-    /// What the bearer of a token that ends at `expires` (Unix seconds) is told. This server's own relay has the name by which the bearer
-    /// reached this server, from the request's headers: what is told there to a bearer that lies reaches nobody else.
-    pub(crate) fn servers(&self, headers: &HeaderMap, room: Id, expires: u64) -> IceServers {
-        self.servers_at(host(headers), room, expires)
+    /// This server's own relay, if it has one.
+    pub(crate) fn relay(&self) -> Option<Arc<TurnServer>> {
+        self.own.as_ref()?.server.upgrade()
+    }
+
+    /// What the bearer of a token is told of a room. This server's own relay has the name by which the bearer reached this server, from the request's headers:
+    /// what is told there to a bearer that lies reaches nobody else.
+    pub(crate) fn servers(&self, headers: &HeaderMap, room: Id, claims: &Claims) -> IceServers {
+        let role = match claims.role {
+            Role::Sender => relay::Role::Sender,
+            Role::Member => relay::Role::Member,
+            Role::Viewer | Role::Owner => relay::Role::Viewer,
+        };
+        self.servers_at(host(headers), room, role, Some(claims))
+    }
+
+    /// The same for who is present in the room as its sender.
+    pub(crate) fn senders_servers(
+        &self,
+        headers: &HeaderMap,
+        room: Id,
+        claims: &Claims,
+    ) -> IceServers {
+        self.servers_at(host(headers), room, relay::Role::Sender, Some(claims))
     }
 
     /// What this server's own forwarder uses: nothing of what clients say.
     pub(crate) fn own_servers(&self, room: Id) -> IceServers {
         let host = self.own.as_ref().and_then(|own| own.host.clone());
-        self.servers_at(host, room, u64::MAX)
+        self.servers_at(host, room, relay::Role::Sender, None)
     }
 
-    fn servers_at(&self, host: Option<String>, room: Id, expires: u64) -> IceServers {
+    fn servers_at(
+        &self,
+        host: Option<String>,
+        room: Id,
+        role: relay::Role,
+        claims: Option<&Claims>,
+    ) -> IceServers {
         let mut servers = Vec::new();
         if !self.stun.is_empty() {
             servers.push(IceServer {
@@ -119,8 +149,19 @@ impl Ice {
             if own.tls {
                 urls.push(url(IceKind::TurnTls));
             }
+            let expires = claims.map_or(u64::MAX, |claims| claims.expires);
             let expires = expires.min(now().saturating_add(CREDENTIAL_LIFETIME.as_secs()));
-            let issued = own.key.issue(&room.to_string(), expires);
+            let names = claims.map(|claims| claims.names().map(|name| name.to_string()));
+            let tokens =
+                names.map_or_else(String::new, |names| names.collect::<Vec<_>>().join("."));
+            let owner = claims.map_or_else(String::new, |claims| claims.owner.to_string());
+            let subject = relay::Subject {
+                room: &room.to_string(),
+                role,
+                tokens: &tokens,
+                owner: &owner,
+            };
+            let issued = own.key.issue(&subject.to_string(), expires);
             servers.push(IceServer {
                 urls,
                 username: Some(issued.username),

@@ -6,6 +6,8 @@
 
 #![forbid(unsafe_code)]
 
+mod admission;
+mod blocked;
 mod config;
 mod connections;
 mod error;
@@ -17,6 +19,7 @@ mod limit_values;
 mod metrics;
 mod packages;
 mod relay;
+mod reread;
 mod revoked;
 mod rooms;
 mod secret;

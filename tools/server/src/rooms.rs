@@ -155,7 +155,8 @@ impl Presence {
         }
     }
 
-    fn has_revoked(&self, viewer: Option<Id>) -> bool {
+    /// Whether the sender has revoked the viewer's token of this name.
+    pub(crate) fn has_revoked(&self, viewer: Option<Id>) -> bool {
         let is = |viewer: Id| self.sender.revoked.contains(&viewer.into());
         viewer.is_some_and(is)
     }

@@ -1,4 +1,5 @@
-//! The server's secret: it authenticates tokens. Instances behind one balancer share one.
+//! The server's secret: it authenticates tokens. Instances behind one balancer share one. While it is being replaced, the one before authenticates those that it
+//! has signed.
 
 use crate::ServerError;
 use crate::id::{from_hex, random_bytes};
@@ -7,9 +8,12 @@ use std::fmt;
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 
-/// 32 random bytes that only the server knows.
+/// 32 random bytes that only the server knows, and those that were in their place before.
 #[derive(Clone)]
-pub struct Secret([u8; 32]);
+pub struct Secret {
+    key: [u8; 32],
+    previous: Option<[u8; 32]>,
+}
 
 impl fmt::Debug for Secret {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -18,12 +22,45 @@ impl fmt::Debug for Secret {
 }
 
 impl Secret {
+    fn of(key: [u8; 32]) -> Self {
+        Self {
+            key,
+            previous: None,
+        }
+    }
+
+    /// This one, in place of `previous`, whose tokens hold until they expire.
+    #[must_use]
+    pub fn after(self, previous: &Self) -> Self {
+        Self {
+            previous: Some(previous.key),
+            ..self
+        }
+    }
+
     /// A new one that is not stored: its tokens end with the process.
     ///
     /// # Errors
     /// If the system gives no random numbers.
     pub fn random() -> Result<Self, ServerError> {
-        random_bytes().map(Self)
+        random_bytes().map(Self::of)
+    }
+
+    /// The secret in the file `path`, as [`Self::load_or_create`] reads it; nothing if there is no file.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or holds something else.
+    pub fn load(path: &Path) -> Result<Option<Self>, ServerError> {
+        match std::fs::read_to_string(path) {
+            Ok(text) => Self::parse(path, &text).map(Some),
+            Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
+            Err(e) if e.kind() == ErrorKind::InvalidData => Self::parse(path, "").map(Some),
+            Err(source) => Err(ServerError::SecretFile {
+                action: "read",
+                path: path.to_path_buf(),
+                source,
+            }),
+        }
     }
 
     /// The secret in the file `path` (64 hexadecimal digits), which is made, readable by its owner alone, if there is
@@ -39,14 +76,11 @@ impl Secret {
                 source,
             }
         };
-        match std::fs::read_to_string(path) {
-            Ok(text) => return Self::parse(path, &text),
-            Err(e) if e.kind() == ErrorKind::NotFound => {}
-            Err(e) if e.kind() == ErrorKind::InvalidData => return Self::parse(path, ""),
-            Err(e) => return Err(failed("read")(e)),
+        if let Some(secret) = Self::load(path)? {
+            return Ok(secret);
         }
         let secret = Self::random()?;
-        let text = HEXLOWER.encode(&secret.0) + "\n";
+        let text = HEXLOWER.encode(&secret.key) + "\n";
         let folder = match path.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent,
             _ => Path::new("."),
@@ -79,14 +113,19 @@ impl Secret {
             }
         }
         from_hex(text.trim())
-            .map(Self)
+            .map(Self::of)
             .ok_or_else(|| ServerError::SecretDamaged {
                 path: path.to_path_buf(),
             })
     }
 
-    pub(crate) fn key(&self) -> &[u8; 32] {
-        &self.0
+    /// The key that signs, or the one before, where there was one.
+    pub(crate) fn key(&self, previous: bool) -> [u8; 32] {
+        self.previous.filter(|_| previous).unwrap_or(self.key)
+    }
+
+    pub(crate) fn previous(&self) -> Option<&[u8; 32]> {
+        self.previous.as_ref()
     }
 }
 
@@ -100,7 +139,7 @@ mod tests {
         let folder = tempfile::tempdir()?;
         let path = folder.path().join("below/secret");
         let first = Secret::load_or_create(&path)?;
-        assert_eq!(first.0, Secret::load_or_create(&path)?.0, "kept");
+        assert_eq!(first.key, Secret::load_or_create(&path)?.key, "kept");
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt;

@@ -1,14 +1,18 @@
 //! Starting and stopping.
 
+use crate::admission::Admission;
+use crate::blocked::Blocked;
 use crate::connections::Gate;
-use crate::http::{App, Cached, RateLimit, router};
+use crate::http::{App, Cached, Joined, RateLimit, router};
 use crate::ice::Ice;
 use crate::metrics::Metrics;
 use crate::packages::Packages;
 #[cfg(feature = "nats")]
 use crate::relay::Relay;
-use crate::revoked::{self, Revoked};
+use crate::reread::LOOK;
+use crate::revoked::Revoked;
 use crate::rooms::{RoomLimits, Rooms};
+use crate::token::now;
 use crate::{Config, ServerError};
 use axum_server::Handle;
 #[cfg(feature = "tls")]
@@ -31,7 +35,7 @@ const CONNECTION_BUFFER: usize = 64 << 10;
 #[derive(Debug)]
 pub struct Server {
     address: SocketAddr,
-    turn: Option<TurnServer>,
+    turn: Option<Arc<TurnServer>>,
     handle: Handle<SocketAddr>,
     stopping: CancellationToken,
     serving: JoinHandle<std::io::Result<()>>,
@@ -72,6 +76,14 @@ impl Server {
             waiting_per_room: limits.waiting_per_room,
             answer_within: limits.answer_within,
         };
+        let revoked = Arc::new(Revoked::open(config.revoked.clone())?);
+        let blocked = Arc::new(Blocked::open(config.blocked.clone())?);
+        let rooms = Arc::new(Rooms::new(room_limits, Arc::clone(&metrics)));
+        let admission = Arc::new(Admission {
+            revoked: Arc::clone(&revoked),
+            blocked: Arc::clone(&blocked),
+            rooms: Arc::clone(&rooms),
+        });
         let gate = Gate::new(
             limits.connections,
             if limits.behind_proxy {
@@ -80,17 +92,22 @@ impl Server {
                 limits.connections_per_address
             },
             limits.pause,
+            Arc::clone(&blocked),
             Arc::clone(&metrics),
         );
         let (ice, turn) = Ice::start(
             &config,
+            admission,
             #[cfg(feature = "tls")]
             tls.clone(),
         )?;
         let app = Arc::new(App {
             secret: config.secret,
-            revoked: Revoked::open(config.revoked)?,
-            rooms: Arc::new(Rooms::new(room_limits, Arc::clone(&metrics))),
+            revoked,
+            blocked,
+            gate: gate.clone(),
+            joined: Joined::default(),
+            rooms,
             relay,
             ice,
             forwarding: config.forwarding,
@@ -112,7 +129,7 @@ impl Server {
         let handle = Handle::new();
         let head_within = app.limits.head_within;
         tokio::spawn(housekeep(Arc::downgrade(&app), stopping.clone()));
-        tokio::spawn(look_at_revoked(Arc::downgrade(&app), stopping.clone()));
+        tokio::spawn(look_at_lists(Arc::downgrade(&app), stopping.clone()));
         let service = router(app).into_make_service_with_connect_info::<SocketAddr>();
         let server = axum_server::from_tcp(listener)
             .map_err(failed)?
@@ -146,7 +163,7 @@ impl Server {
 
     /// Where it relays calls, with the port it was given, over UDP and TCP.
     pub fn turn_address(&self) -> Option<SocketAddr> {
-        self.turn.as_ref().map(TurnServer::address)
+        self.turn.as_ref().map(|turn| turn.address())
     }
 
     /// Ends the senders' streams and takes no new connections, and waits a while for what is under way.
@@ -196,17 +213,26 @@ fn ended(result: Result<std::io::Result<()>, JoinError>) -> Result<(), ServerErr
         .map_err(|source| ServerError::Stopped { source })
 }
 
-/// Looks which tokens are revoked, until the server stops.
-async fn look_at_revoked(app: std::sync::Weak<App>, stopping: CancellationToken) {
+/// Looks which tokens are revoked and which addresses are blocked, until the server stops.
+async fn look_at_lists(app: std::sync::Weak<App>, stopping: CancellationToken) {
     loop {
         tokio::select! {
             () = stopping.cancelled() => break,
-            () = tokio::time::sleep(revoked::LOOK) => {}
+            () = tokio::time::sleep(LOOK) => {}
         }
         let Some(app) = app.upgrade() else { break };
-        let looked = tokio::task::spawn_blocking(move || app.revoked.look());
-        if looked.await.is_err() {
-            log::error!("looking which tokens are revoked failed");
+        let looks = Arc::clone(&app);
+        let look = move || (looks.revoked.look(), looks.blocked.look());
+        match tokio::task::spawn_blocking(look).await {
+            Ok((revoked, blocked)) => {
+                if revoked {
+                    app.end_revoked();
+                }
+                if blocked {
+                    app.end_blocked();
+                }
+            }
+            Err(_) => log::error!("looking which tokens are revoked failed"),
         }
     }
 }
@@ -230,7 +256,11 @@ async fn housekeep(app: std::sync::Weak<App>, stopping: CancellationToken) {
             () = tokio::time::sleep(FORGET_EVERY) => {}
         }
         match app.upgrade() {
-            Some(app) => app.rate.forget_quiet(),
+            Some(app) => {
+                app.rate.forget_quiet();
+                app.member_uploads.forget_over(now());
+                app.joined.forget_over(now());
+            }
             None => break,
         }
     }

@@ -12,8 +12,12 @@ use link_protocol::limits::MAX_PEOPLE;
 use sha2::Sha256;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+/// Of a token that was made with no other one, as an operator makes them, and of all tokens of earlier versions.
 const VERSION: u8 = 2;
 const CLAIMS_BYTES: usize = 58;
+/// Of a token that was made with another one: it has the names of that one, and of the one that that one was made with.
+const DERIVED_VERSION: u8 = 3;
+const DERIVED_CLAIMS_BYTES: usize = CLAIMS_BYTES + 32;
 const MAC_BYTES: usize = 32;
 
 /// A bearer's role.
@@ -41,7 +45,13 @@ pub(crate) struct Claims {
     pub(crate) expires: u64,
     /// What the token is called, to revoke it by: random.
     pub(crate) name: Id,
+    /// The names of the owner's token that opened its room or call, and of the sender's token that it was made with; all zero where there is none.
+    made_with: [Id; 2],
+    /// The secret before signed it.
+    is_by_previous: bool,
 }
+
+const NONE: Id = Id::from_bytes([0; 16]);
 
 impl Claims {
     /// An owner's, in a token of a new name.
@@ -62,7 +72,35 @@ impl Claims {
             room,
             expires,
             name: Id::random()?,
+            made_with: [NONE; 2],
+            is_by_previous: false,
         })
+    }
+
+    /// The same, made with the token of these claims: it is revoked with that one.
+    pub(crate) fn made_with(self, other: &Self) -> Self {
+        let [owners, _] = other.made_with;
+        let made_with = if other.role == Role::Owner {
+            [other.name, NONE]
+        } else {
+            [owners, other.name]
+        };
+        Self { made_with, ..self }
+    }
+
+    /// The token's name, and those of the tokens that it was made with: it holds while none of them is revoked.
+    pub(crate) fn names(&self) -> impl Iterator<Item = Id> + use<> {
+        let [owners, senders] = self.made_with;
+        let made_with = [owners, senders].into_iter().filter(|name| *name != NONE);
+        std::iter::once(self.name).chain(made_with)
+    }
+
+    /// The rooms that are the seats of a member's call, in their order.
+    pub(crate) fn seats(&self, secret: &Secret) -> impl Iterator<Item = Id> + use<> {
+        // A call that was opened before the secret was replaced keeps its seats.
+        let key = secret.key(self.is_by_previous);
+        let call = self.room;
+        (0..MAX_PEOPLE).map(move |number| seat(&key, call, number))
     }
 
     /// The room, or a member's call.
@@ -77,24 +115,27 @@ impl Claims {
 
     /// Whether the bearer is a member of the call of which this room is a seat.
     pub(crate) fn has_seat(&self, secret: &Secret, room: Id) -> bool {
-        self.role == Role::Member && secret.seats(self.room).any(|seat| seat == room)
+        self.role == Role::Member && self.seats(secret).any(|seat| seat == room)
     }
 
-    fn bytes(&self) -> [u8; CLAIMS_BYTES] {
-        let mut bytes = [0; CLAIMS_BYTES];
-        bytes[0] = VERSION;
-        bytes[1] = self.role as u8;
-        bytes[2..10].copy_from_slice(&self.expires.to_le_bytes());
-        bytes[10..26].copy_from_slice(self.owner.as_bytes());
-        bytes[26..42].copy_from_slice(self.room.as_bytes());
-        bytes[42..58].copy_from_slice(self.name.as_bytes());
+    fn bytes(&self) -> Vec<u8> {
+        let is_derived = self.made_with != [NONE; 2];
+        let version = if is_derived { DERIVED_VERSION } else { VERSION };
+        let mut bytes = vec![version, self.role as u8];
+        bytes.extend(self.expires.to_le_bytes());
+        bytes.extend(self.owner.as_bytes());
+        bytes.extend(self.room.as_bytes());
+        bytes.extend(self.name.as_bytes());
+        if is_derived {
+            bytes.extend(self.made_with.iter().flat_map(Id::as_bytes));
+        }
         bytes
     }
 
     pub(crate) fn sign(&self, secret: &Secret) -> String {
-        let claims = self.bytes();
-        let mut token = claims.to_vec();
-        token.extend_from_slice(&mac(secret, &claims).finalize().into_bytes());
+        let mut token = self.bytes();
+        let tag = mac(&secret.key(false), &token).finalize().into_bytes();
+        token.extend_from_slice(&tag);
         URL_SAFE_NO_PAD.encode(token)
     }
 
@@ -103,50 +144,56 @@ impl Claims {
         Self::signed(token, secret).filter(|claims| now < claims.expires)
     }
 
-    /// The content of `token`, if this secret signed it. The MAC is compared in a time that does not depend on where it differs, and before anything else is
-    /// looked at.
+    /// The content of `token`, if this secret or the one before signed it. The MAC is compared in a time that does not depend on where it differs, and before
+    /// anything else is looked at.
     fn signed(token: &str, secret: &Secret) -> Option<Self> {
-        let mut bytes = [0; CLAIMS_BYTES + MAC_BYTES];
+        let mut bytes = [0; DERIVED_CLAIMS_BYTES + MAC_BYTES];
         let length = URL_SAFE_NO_PAD.decode_slice(token, &mut bytes).ok()?;
-        if length != bytes.len() {
+        let claims_length = length.checked_sub(MAC_BYTES)?;
+        let (claims, tag) = bytes.get(..length)?.split_at_checked(claims_length)?;
+        let is_by = |key: &[u8; 32]| mac(key, claims).verify_slice(tag).is_ok();
+        let is_by_previous = !is_by(&secret.key(false));
+        if is_by_previous && !secret.previous().is_some_and(is_by) {
             return None;
         }
-        let (claims, tag) = bytes.split_at(CLAIMS_BYTES);
-        mac(secret, claims).verify_slice(tag).ok()?;
-        let role = match (claims[0], claims[1]) {
-            (VERSION, 1) => Role::Owner,
-            (VERSION, 2) => Role::Sender,
-            (VERSION, 3) => Role::Viewer,
-            (VERSION, 4) => Role::Member,
+        let id = |at: usize| Some(Id::from_bytes(claims.get(at..at + 16)?.try_into().ok()?));
+        let (version, role) = (*claims.first()?, *claims.get(1)?);
+        let made_with = match (version, claims.len()) {
+            (VERSION, CLAIMS_BYTES) => [NONE; 2],
+            (DERIVED_VERSION, DERIVED_CLAIMS_BYTES) => [id(58)?, id(74)?],
+            _ => return None,
+        };
+        let role = match role {
+            1 => Role::Owner,
+            2 => Role::Sender,
+            3 => Role::Viewer,
+            4 => Role::Member,
             _ => return None,
         };
         Some(Self {
             role,
-            expires: u64::from_le_bytes(claims[2..10].try_into().ok()?),
-            owner: Id::from_bytes(claims[10..26].try_into().ok()?),
-            room: Id::from_bytes(claims[26..42].try_into().ok()?),
-            name: Id::from_bytes(claims[42..58].try_into().ok()?),
+            expires: u64::from_le_bytes(claims.get(2..10)?.try_into().ok()?),
+            owner: id(10)?,
+            room: id(26)?,
+            name: id(42)?,
+            made_with,
+            is_by_previous,
         })
     }
 }
 
+/// The room that is a call's seat of this number: neither the call nor another seat tells it.
+fn seat(key: &[u8; 32], call: Id, number: usize) -> Id {
+    let mut mac = mac_of(key, b"mon3tr seat\0");
+    mac.update(call.as_bytes());
+    mac.update(&(number as u64).to_le_bytes());
+    let digest: [u8; MAC_BYTES] = mac.finalize().into_bytes().into();
+    let mut seat = [0; 16];
+    seat.copy_from_slice(&digest[..16]);
+    Id::from_bytes(seat)
+}
+
 impl Secret {
-    /// The rooms that are the seats of a call, in their order.
-    pub(crate) fn seats(&self, call: Id) -> impl Iterator<Item = Id> {
-        (0..MAX_PEOPLE).map(move |number| self.seat(call, number))
-    }
-
-    /// The room that is a call's seat of this number: neither the call nor another seat tells it.
-    fn seat(&self, call: Id, number: usize) -> Id {
-        let mut mac = mac_of(self, b"mon3tr seat\0");
-        mac.update(call.as_bytes());
-        mac.update(&(number as u64).to_le_bytes());
-        let digest: [u8; MAC_BYTES] = mac.finalize().into_bytes().into();
-        let mut seat = [0; 16];
-        seat.copy_from_slice(&digest[..16]);
-        Id::from_bytes(seat)
-    }
-
     /// A token with which the owner called `name` opens rooms and puts packages until `expires` (Unix seconds).
     ///
     /// # Errors
@@ -155,7 +202,13 @@ impl Secret {
         Ok(Claims::owner(Id::of_owner(name), expires)?.sign(self))
     }
 
-    /// What `token` is called, to revoke it by, and when it expires (Unix seconds), if this secret signed it.
+    /// Whether this secret, and not the one before, signed `token`.
+    #[must_use]
+    pub fn has_signed(&self, token: &str) -> bool {
+        Claims::signed(token, self).is_some_and(|claims| !claims.is_by_previous)
+    }
+
+    /// What `token` is called, to revoke it by, and when it expires (Unix seconds), if this secret or the one before signed it.
     pub fn look_at_token(&self, token: &str) -> Option<(Id, u64)> {
         Claims::signed(token, self).map(|claims| (claims.name, claims.expires))
     }
@@ -164,23 +217,23 @@ impl Secret {
 /// The key of TURN credentials: of one purpose only, so that it tells nothing of the secret, nor of tokens.
 pub(crate) fn turn_key(secret: &Secret) -> turn_server::Key {
     turn_server::Key::new(
-        mac_of(secret, b"mon3tr turn\0")
+        mac_of(&secret.key(false), b"mon3tr turn\0")
             .finalize()
             .into_bytes()
             .into(),
     )
 }
 
-fn mac(secret: &Secret, claims: &[u8]) -> Hmac<Sha256> {
-    let mut mac = mac_of(secret, b"mon3tr token\0");
+fn mac(key: &[u8; 32], claims: &[u8]) -> Hmac<Sha256> {
+    let mut mac = mac_of(key, b"mon3tr token\0");
     mac.update(claims);
     mac
 }
 
-fn mac_of(secret: &Secret, purpose: &[u8]) -> Hmac<Sha256> {
+fn mac_of(secret: &[u8; 32], purpose: &[u8]) -> Hmac<Sha256> {
     // HMAC fills a key up to the hash's block with zeros; done here, there is no length to go wrong.
     let mut key = [0; 64];
-    key[..32].copy_from_slice(secret.key());
+    key[..32].copy_from_slice(secret);
     let mut mac = Hmac::<Sha256>::new(&key.into());
     mac.update(purpose);
     mac
@@ -225,28 +278,75 @@ mod tests {
     fn a_token_with_any_bit_changed_or_any_byte_missing_is_refused()
     -> Result<(), Box<dyn std::error::Error>> {
         let secret = Secret::random()?;
-        let token = Claims::owner(Id::of_owner("ada"), u64::MAX)?.sign(&secret);
-        let bytes = URL_SAFE_NO_PAD.decode(&token)?;
+        let owner = Claims::owner(Id::of_owner("ada"), u64::MAX)?;
+        let room = Claims::in_room(Role::Viewer, owner.owner, Id::random()?, u64::MAX)?;
+        for token in [owner.sign(&secret), room.made_with(&owner).sign(&secret)] {
+            no_change_is_taken(&secret, &token)?;
+        }
+        Ok(())
+    }
+
+    fn no_change_is_taken(secret: &Secret, token: &str) -> Result<(), Box<dyn std::error::Error>> {
+        assert!(Claims::verify(token, secret, 0).is_some(), "unchanged");
+        let bytes = URL_SAFE_NO_PAD.decode(token)?;
         for at in 0..bytes.len() * 8 {
             let mut changed = bytes.clone();
             changed[at / 8] ^= 1 << (at % 8);
             let changed = URL_SAFE_NO_PAD.encode(changed);
-            assert_eq!(Claims::verify(&changed, &secret, 0), None, "bit {at}");
+            assert_eq!(Claims::verify(&changed, secret, 0), None, "bit {at}");
         }
         for length in 0..bytes.len() {
             let short = URL_SAFE_NO_PAD.encode(&bytes[..length]);
-            assert_eq!(Claims::verify(&short, &secret, 0), None, "{length} bytes");
+            assert_eq!(Claims::verify(&short, secret, 0), None, "{length} bytes");
         }
         assert_eq!(
-            Claims::verify(&format!("{token}AAAA"), &secret, 0),
+            Claims::verify(&format!("{token}AAAA"), secret, 0),
             None,
             "longer"
         );
         assert_eq!(
-            Claims::verify(&format!("{token}="), &secret, 0),
+            Claims::verify(&format!("{token}="), secret, 0),
             None,
             "padded"
         );
+        Ok(())
+    }
+
+    #[test]
+    fn a_token_has_the_names_of_those_that_it_was_made_with()
+    -> Result<(), Box<dyn std::error::Error>> {
+        let secret = Secret::random()?;
+        let (ada, room) = (Id::of_owner("ada"), Id::random()?);
+        let owner = Claims::owner(ada, 1000)?;
+        let sender = Claims::in_room(Role::Sender, ada, room, 1000)?.made_with(&owner);
+        let guest = Claims::in_room(Role::Viewer, ada, room, 1000)?.made_with(&sender);
+        let names = |claims: &Claims| {
+            let read = Claims::verify(&claims.sign(&secret), &secret, 0).expect("genuine");
+            assert_eq!(read, *claims);
+            read.names().collect::<Vec<_>>()
+        };
+        assert_eq!(names(&owner), [owner.name]);
+        assert_eq!(names(&sender), [sender.name, owner.name]);
+        assert_eq!(names(&guest), [guest.name, owner.name, sender.name]);
+        Ok(())
+    }
+
+    #[test]
+    fn the_secret_before_holds_on_and_signs_nothing_new() -> Result<(), Box<dyn std::error::Error>>
+    {
+        let before = Secret::random()?;
+        let replaced = Secret::random()?.after(&before);
+        let call = Claims::in_room(Role::Member, Id::of_owner("ada"), Id::random()?, 1000)?;
+        let token = call.sign(&before);
+        let read = Claims::verify(&token, &replaced, 0).ok_or("refused")?;
+        let seats = |claims: &Claims, secret| claims.seats(secret).collect::<Vec<_>>();
+        assert_eq!(seats(&read, &replaced), seats(&call, &before), "its seats");
+        assert!(!replaced.has_signed(&token) && before.has_signed(&token));
+        let new = replaced.owner_token("ada", 1000)?;
+        assert!(replaced.has_signed(&new));
+        assert_eq!(Claims::verify(&new, &before, 0), None, "by the new one");
+        let later = Secret::random()?.after(&replaced);
+        assert_eq!(Claims::verify(&token, &later, 0), None, "two before");
         Ok(())
     }
 }

@@ -1,6 +1,7 @@
 //! An allocation: the address that the server lends a client, whom it may exchange packets with, and how they reach the client.
 
 use crate::budget::Budget;
+use crate::holder::Holder;
 use crate::message::{Transaction, Writer, attribute, kind};
 use std::collections::HashMap;
 use std::net::{IpAddr, SocketAddr};
@@ -90,7 +91,7 @@ pub(crate) struct Terms {
     pub(crate) client: Client,
     pub(crate) way: Way,
     pub(crate) username: String,
-    pub(crate) subject: String,
+    pub(crate) holder: Holder,
     /// The address that is lent, as peers see it.
     pub(crate) relayed: SocketAddr,
     pub(crate) socket: UdpSocket,

@@ -2,10 +2,12 @@
 
 use std::time::{Duration, Instant};
 
-/// A bucket with room for one second's tokens.
+/// A bucket with room for one second's tokens, or for those of some more.
 #[derive(Debug)]
 pub(crate) struct Budget {
     per_second: u64,
+    /// How long it takes to fill.
+    room: Duration,
     /// Tokens, in billionths, so that nothing is lost between two close calls.
     nano_tokens: u128,
     filled: Instant,
@@ -14,19 +16,30 @@ pub(crate) struct Budget {
 impl Budget {
     /// A full one.
     pub(crate) fn new(per_second: u64, now: Instant) -> Self {
+        Self::with_room(per_second, Duration::from_secs(1), now)
+    }
+
+    /// A full one that takes `room` to fill.
+    pub(crate) fn with_room(per_second: u64, room: Duration, now: Instant) -> Self {
         Self {
             per_second,
-            nano_tokens: u128::from(per_second) * 1_000_000_000,
+            room,
+            nano_tokens: u128::from(per_second) * room.as_nanos(),
             filled: now,
         }
     }
 
+    /// Whether it is full at `now`, so that a new one would be the same.
+    pub(crate) fn is_full(&self, now: Instant) -> bool {
+        let passed = now.saturating_duration_since(self.filled).as_nanos();
+        let full = u128::from(self.per_second) * self.room.as_nanos();
+        self.nano_tokens + passed.saturating_mul(self.per_second.into()) >= full
+    }
+
     /// Takes `tokens`, if there are as many.
     pub(crate) fn take(&mut self, tokens: usize, now: Instant) -> bool {
-        let passed = now
-            .saturating_duration_since(self.filled)
-            .min(Duration::from_secs(1));
-        let full = u128::from(self.per_second) * 1_000_000_000;
+        let passed = now.saturating_duration_since(self.filled).min(self.room);
+        let full = u128::from(self.per_second) * self.room.as_nanos();
         self.nano_tokens =
             (self.nano_tokens + passed.as_nanos() * u128::from(self.per_second)).min(full);
         self.filled = now;

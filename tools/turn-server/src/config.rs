@@ -1,8 +1,33 @@
 //! A server's configuration, with every bound it keeps.
 
 use crate::credentials::Key;
+use std::fmt;
 use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
 use std::time::Duration;
+
+/// Who may use a server, which changes while it runs. It is asked for each packet and each request, so it answers at once.
+pub trait Admission: fmt::Debug + Send + Sync {
+    /// Whether credentials of these tokens ([`crate::credentials::Subject::tokens`]) in this room are still honoured.
+    fn honours(&self, room: &str, tokens: &str) -> bool;
+
+    /// Whether packets and connections from this address are dropped.
+    fn is_blocked(&self, address: IpAddr) -> bool;
+}
+
+/// Admits everyone who has credentials.
+#[derive(Debug)]
+struct Everyone;
+
+impl Admission for Everyone {
+    fn honours(&self, _: &str, _: &str) -> bool {
+        true
+    }
+
+    fn is_blocked(&self, _: IpAddr) -> bool {
+        false
+    }
+}
 
 /// A server's configuration.
 #[derive(Debug, Clone)]
@@ -18,7 +43,9 @@ pub struct Config {
     pub private_peers: bool,
     /// The certificate with which TCP connections may speak TLS.
     #[cfg(feature = "tls")]
-    pub tls: Option<std::sync::Arc<rustls::ServerConfig>>,
+    pub tls: Option<Arc<rustls::ServerConfig>>,
+    /// Who may use it.
+    pub admission: Arc<dyn Admission>,
     /// Bounds.
     pub limits: Limits,
 }
@@ -34,6 +61,7 @@ impl Config {
             private_peers: false,
             #[cfg(feature = "tls")]
             tls: None,
+            admission: Arc::new(Everyone),
             limits: Limits::default(),
         }
     }
@@ -44,9 +72,16 @@ impl Config {
 pub struct Limits {
     /// Allocations at once.
     pub allocations: usize,
-    /// The same, of one subject (room).
-    pub allocations_per_subject: usize,
-    /// The same, of one client address (IPv6: one /64).
+    /// The same, of one room.
+    pub allocations_per_room: usize,
+    /// How many of a room's are kept for its sender.
+    pub allocations_of_sender: usize,
+    /// The same, of one token in a room that is not the sender's.
+    pub allocations_per_token: usize,
+    /// The same, of one such token and one client address: many viewers may have one link. Four times as many for a member, who is connected with each
+    /// of the others.
+    pub allocations_per_token_and_address: usize,
+    /// The same, of one client address (IPv6: one /56).
     pub allocations_per_address: usize,
     /// Addresses that one allocation may exchange packets with, and channels.
     pub peers_per_allocation: usize,
@@ -56,9 +91,11 @@ pub struct Limits {
     pub bytes_per_second: u64,
     /// Answers a second to requests without valid credentials, of all clients together: such requests may have forged senders.
     pub unauthenticated_per_second: u64,
+    /// The same, of one client address (IPv6: one /56), in the long run; five times as many at once.
+    pub unauthenticated_per_address: u64,
     /// TCP connections at once.
     pub connections: usize,
-    /// The same, from one address (IPv6: one /64).
+    /// The same, from one address (IPv6: one /56).
     pub connections_per_address: usize,
     /// The longest that an allocation lives without being refreshed, and the longest at all.
     pub lifetime: Duration,
@@ -72,13 +109,17 @@ impl Default for Limits {
     fn default() -> Self {
         Self {
             allocations: 4096,
-            allocations_per_subject: 256,
+            allocations_per_room: 256,
+            allocations_of_sender: 32,
+            allocations_per_token: 128,
+            allocations_per_token_and_address: 8,
             allocations_per_address: 128,
             peers_per_allocation: 32,
             // A call takes 20 KB/s; the rest is for what browsers may add.
             allocation_bytes_per_second: 250_000,
             bytes_per_second: 50_000_000,
             unauthenticated_per_second: 2000,
+            unauthenticated_per_address: 20,
             connections: 2048,
             connections_per_address: 128,
             lifetime: Duration::from_secs(600),

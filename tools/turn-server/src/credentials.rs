@@ -1,5 +1,8 @@
 //! Credentials limited in time, by the convention "TURN REST" that browsers and other servers know: the user's name is
 //! `EXPIRY:SUBJECT`, the password is the Base64 of HMAC-SHA1 of that name by a secret. The server stores none of them.
+//!
+//! A subject is a room, or `ROOM:ROLE:TOKENS:OWNER` ([`Subject`]): the room, what the bearer is in it, by which token the bearer got the credentials, and whose
+//! room it is. Allocations are counted by each of these.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -12,7 +15,85 @@ use std::fmt;
 pub const REALM: &str = "mon3tr";
 
 /// Characters of a user's name.
-const MAX_USERNAME: usize = 128;
+const MAX_USERNAME: usize = 256;
+
+/// What the bearer of credentials is in a room.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Role {
+    /// The one that all others connect to: a part of the room's allocations is kept for it.
+    Sender,
+    /// One with a single connection.
+    #[default]
+    Viewer,
+    /// One with a connection to each of several others.
+    Member,
+}
+
+impl Role {
+    fn letter(self) -> &'static str {
+        match self {
+            Self::Sender => "s",
+            Self::Viewer => "v",
+            Self::Member => "m",
+        }
+    }
+}
+
+/// Whom credentials are for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Subject<'a> {
+    /// The room.
+    pub room: &'a str,
+    /// What the bearer is there.
+    pub role: Role,
+    /// The names of the bearer's token and of those that it was made with, with dots between; the first one is the bearer's own.
+    pub tokens: &'a str,
+    /// The room's owner.
+    pub owner: &'a str,
+}
+
+impl fmt::Display for Subject<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            room,
+            role,
+            tokens,
+            owner,
+        } = self;
+        write!(f, "{room}:{}:{tokens}:{owner}", role.letter())
+    }
+}
+
+impl<'a> Subject<'a> {
+    /// Nothing for a text of another form. A room alone is a viewer's whose token is not known.
+    fn read(text: &'a str) -> Option<Self> {
+        let mut parts = text.split(':');
+        let room = parts.next()?;
+        let Some(role) = parts.next() else {
+            return Some(Self {
+                room,
+                ..Self::default()
+            });
+        };
+        let subject = Self {
+            room,
+            role: match role {
+                "s" => Role::Sender,
+                "v" => Role::Viewer,
+                "m" => Role::Member,
+                _ => return None,
+            },
+            tokens: parts.next()?,
+            owner: parts.next()?,
+        };
+        parts.next().is_none().then_some(subject)
+    }
+
+    /// The name of the bearer's own token.
+    pub(crate) fn token(&self) -> &'a str {
+        self.tokens.split('.').next().unwrap_or_default()
+    }
+}
 
 /// The secret that credentials are made from. Whoever has it can make any.
 #[derive(Clone)]
@@ -48,7 +129,7 @@ impl Key {
         Self(bytes)
     }
 
-    /// Credentials for `subject` (a room) that allow new allocations until `expires` (Unix seconds).
+    /// Credentials for `subject` (a room's name, or a [`Subject`]'s text) that allow new allocations until `expires` (Unix seconds).
     #[must_use]
     pub fn issue(&self, subject: &str, expires: u64) -> Credentials {
         let username = format!("{expires}:{subject}");
@@ -72,7 +153,7 @@ impl Key {
 pub(crate) struct Name<'a> {
     /// Unix seconds.
     pub(crate) expires: u64,
-    pub(crate) subject: &'a str,
+    pub(crate) subject: Subject<'a>,
 }
 
 impl<'a> Name<'a> {
@@ -83,7 +164,7 @@ impl<'a> Name<'a> {
         let (expires, subject) = username.split_once(':')?;
         Some(Self {
             expires: expires.parse().ok()?,
-            subject,
+            subject: Subject::read(subject)?,
         })
     }
 }
@@ -121,9 +202,35 @@ mod tests {
     #[test]
     fn a_name_of_another_form_has_no_key() {
         let key = Key::new([7; 32]);
-        for name in ["", "room", ":room", "-1:room", "x:room", &"1:".repeat(90)] {
+        for name in [
+            "",
+            "room",
+            ":room",
+            "-1:room",
+            "x:room",
+            "1:a:b",
+            "1:a:x:b:c",
+            "1:a:v:b",
+            "1:a:v:b:c:d",
+            &format!("1:{}", "a".repeat(300)),
+        ] {
             assert_eq!(key.long_term(name), None, "{name}");
         }
-        assert!(key.long_term("1:a:b").is_some(), "a subject with a colon");
+        assert!(key.long_term("1:a").is_some(), "a room alone");
+    }
+
+    #[test]
+    fn a_subject_is_read_as_it_was_written() {
+        for role in [Role::Sender, Role::Viewer, Role::Member] {
+            let subject = Subject {
+                room: "a room",
+                role,
+                tokens: "own.parent",
+                owner: "ada",
+            };
+            let text = subject.to_string();
+            assert_eq!(Subject::read(&text), Some(subject), "{text}");
+            assert_eq!(subject.token(), "own");
+        }
     }
 }

@@ -23,14 +23,18 @@
 mod allocation;
 mod budget;
 mod config;
+mod connections;
 pub mod credentials;
+mod holder;
 mod message;
 mod peers;
 mod server;
 mod service;
+mod strangers;
 mod table;
 
-pub use config::{Config, Limits};
+pub use config::{Admission, Config, Limits};
 pub use credentials::Key;
 pub use server::{TurnError, TurnServer};
+pub use service::Counts;
 pub use table::network_prefix;

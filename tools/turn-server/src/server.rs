@@ -2,14 +2,13 @@
 
 use crate::allocation::{Client, Way};
 use crate::config::Config;
-use crate::service::{MAX_PACKET, Service};
-use crate::table::network_prefix;
+use crate::connections::{Connections, Place};
+use crate::service::{Counts, MAX_PACKET, Service};
 use socket2::{Domain, Protocol, Socket, Type};
-use std::collections::HashMap;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
@@ -19,6 +18,8 @@ use tokio_util::sync::CancellationToken;
 
 /// Packets that may wait for a TCP client; more are dropped.
 const WAITING: usize = 64;
+/// Bytes of packets that may wait for the server, as far as the system allows: a flood that is dropped at once leaves room for others' packets.
+const RECEIVE_BUFFER: usize = 4 << 20;
 /// How often a listener takes no other connection after an error (no file is free), so that it does not spin.
 const AFTER_ERROR: Duration = Duration::from_millis(100);
 /// How often a port is tried that is free for UDP, and not for TCP.
@@ -88,6 +89,19 @@ impl TurnServer {
     }
 }
 
+impl TurnServer {
+    /// What it has refused since its start, and what it lends.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        self.service.counts()
+    }
+
+    /// Ends the allocations of whom [`Config::admission`] admits no longer. To be called when that has changed.
+    pub fn end_refused(&self) {
+        self.service.end_refused();
+    }
+}
+
 impl Drop for TurnServer {
     fn drop(&mut self) {
         self.stopping.cancel();
@@ -123,6 +137,8 @@ fn bound(address: SocketAddr, kind: Type, protocol: Protocol) -> io::Result<Sock
     }
     if kind == Type::STREAM {
         socket.set_reuse_address(true)?;
+    } else if let Err(error) = socket.set_recv_buffer_size(RECEIVE_BUFFER) {
+        log::debug!("the buffer for packets stays as it is: {error}");
     }
     socket.bind(&address.into())?;
     socket.set_nonblocking(true)?;
@@ -142,6 +158,9 @@ async fn serve_udp(service: Arc<Service>, socket: Arc<UdpSocket>, stopping: Canc
                     address: canonical(from),
                     connection: None,
                 };
+                if service.is_blocked(client.address.ip()) {
+                    continue;
+                }
                 let way = Way::Udp(Arc::clone(&socket), from);
                 service.handle(client, &way, buffer.get(..length).unwrap_or_default());
             }
@@ -154,7 +173,7 @@ async fn serve_udp(service: Arc<Service>, socket: Arc<UdpSocket>, stopping: Canc
 }
 
 async fn serve_tcp(service: Arc<Service>, listener: TcpListener, stopping: CancellationToken) {
-    let open = Arc::<Open>::default();
+    let open = Connections::default();
     let numbers = AtomicU64::new(0);
     loop {
         let accepted = tokio::select! {
@@ -169,36 +188,42 @@ async fn serve_tcp(service: Arc<Service>, listener: TcpListener, stopping: Cance
                 continue;
             }
         };
+        let number = numbers.fetch_add(1, Relaxed);
         let client = Client {
             address: canonical(from),
-            connection: Some(numbers.fetch_add(1, Relaxed)),
+            connection: Some(number),
         };
-        let limits = &service.config().limits;
-        let Some(place) = open.enter(
-            client.address.ip(),
-            limits.connections,
-            limits.connections_per_address,
-        ) else {
+        if service.is_blocked(client.address.ip()) {
+            continue;
+        }
+        let place = open.enter(number, client.address.ip(), &service.config().limits);
+        let Some(place) = place else {
             log::debug!("a connection of {from} is refused: there are too many");
+            service.count(|counts| &mut counts.connections_refused);
             continue;
         };
         let (service, stopping) = (Arc::clone(&service), stopping.clone());
         tokio::spawn(async move {
-            let served = serve_stream(&service, stream, client);
+            let served = serve_stream(&service, stream, client, &place);
             tokio::select! {
                 () = stopping.cancelled() => {}
+                () = place.closed() => {}
                 ended = served => if let Err(error) = ended {
                     log::debug!("the connection of {from} ends: {error}");
                 }
             }
             service.forget(&client);
-            drop(place);
         });
     }
 }
 
 /// Serves a connection, which may begin with a TLS handshake.
-async fn serve_stream(service: &Arc<Service>, stream: TcpStream, client: Client) -> io::Result<()> {
+async fn serve_stream(
+    service: &Arc<Service>,
+    stream: TcpStream,
+    client: Client,
+    place: &Place,
+) -> io::Result<()> {
     stream.set_nodelay(true)?;
     #[cfg(feature = "tls")]
     if let Some(tls) = &service.config().tls {
@@ -208,10 +233,10 @@ async fn serve_stream(service: &Arc<Service>, stream: TcpStream, client: Client)
         if first == [TLS_HANDSHAKE] {
             let acceptor = tokio_rustls::TlsAcceptor::from(Arc::clone(tls));
             let stream = timeout(idle, acceptor.accept(stream)).await??;
-            return serve_packets(service, stream, client).await;
+            return serve_packets(service, stream, client, place).await;
         }
     }
-    serve_packets(service, stream, client).await
+    serve_packets(service, stream, client, place).await
 }
 
 /// Serves the packets on a connection, until it ends, is idle without an allocation, or brings what is no packet.
@@ -219,6 +244,7 @@ async fn serve_packets(
     service: &Arc<Service>,
     stream: impl AsyncRead + AsyncWrite,
     client: Client,
+    place: &Place,
 ) -> io::Result<()> {
     let idle = service.config().limits.idle;
     let (mut reader, mut writer) = tokio::io::split(stream);
@@ -252,6 +278,7 @@ async fn serve_packets(
             }
             let had = established;
             established = service.handle(client, &way, &packet);
+            place.has_allocation(established);
             if had && !established {
                 deadline = Instant::now() + idle;
             }
@@ -299,37 +326,4 @@ async fn read_packet(
 
 fn canonical(address: SocketAddr) -> SocketAddr {
     SocketAddr::new(address.ip().to_canonical(), address.port())
-}
-
-/// The TCP connections that are open.
-#[derive(Debug, Default)]
-struct Open(Mutex<HashMap<IpAddr, usize>>);
-
-/// A connection's place among them, until it is dropped.
-#[derive(Debug)]
-struct Place(Arc<Open>, IpAddr);
-
-impl Open {
-    fn enter(self: &Arc<Self>, ip: IpAddr, limit: usize, per_address: usize) -> Option<Place> {
-        let prefix = network_prefix(ip);
-        let mut open = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let here = open.get(&prefix).copied().unwrap_or(0);
-        if here >= per_address || open.values().sum::<usize>() >= limit {
-            return None;
-        }
-        open.insert(prefix, here + 1);
-        Some(Place(Arc::clone(self), prefix))
-    }
-}
-
-impl Drop for Place {
-    fn drop(&mut self) {
-        let mut open = self.0.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(count) = open.get_mut(&self.1) {
-            *count -= 1;
-            if *count == 0 {
-                open.remove(&self.1);
-            }
-        }
-    }
 }

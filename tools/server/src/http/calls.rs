@@ -31,7 +31,7 @@ pub(super) async fn open(
     let call = random()?;
     let opened = OpenedCall {
         call: call.into(),
-        member_token: sign(&app, Role::Member, claims.owner, call, expires)?.1,
+        member_token: sign(&app, Role::Member, &claims, call, expires)?.1,
         expires,
     };
     Ok((StatusCode::CREATED, NO_STORE, Json(opened)).into_response())
@@ -46,10 +46,10 @@ pub(super) async fn status(
     let call = Id::parse(&call)
         .filter(|call| claims.may(&[Role::Member], *call))
         .ok_or(HttpError::NotFound)?;
-    let seats = app.secret.seats(call).map(|room| seat(&app, room));
+    let seats = claims.seats(&app.secret).map(|room| seat(&app, room));
     let seats = join_all(seats).await;
     let seats = seats.into_iter().collect::<Result<_, _>>()?;
-    let ice_servers = app.ice.servers(&headers, call, claims.expires);
+    let ice_servers = app.ice.servers(&headers, call, &claims);
     let status = CallStatus { seats, ice_servers };
     Ok((NO_STORE, Json(status)).into_response())
 }

@@ -21,6 +21,8 @@ pub(crate) enum HttpError {
     Unauthorized,
     #[error("too many requests from this address")]
     TooManyRequests { retry_after_s: u32 },
+    #[error("this server does not serve this address")]
+    Blocked,
     #[error("this request took too long")]
     TooSlow,
     #[error("the body is longer than this request may have")]
@@ -59,6 +61,8 @@ pub(crate) enum HttpError {
     NoOccupant,
     #[error("a sender may revoke the tokens of {MAX_REVOKED} viewers")]
     Revoked,
+    #[error("too many uploads of this call were begun from this address")]
+    TooManyTries { retry_after_s: u32 },
     #[error("this call's members have put {most} packages, and may put no more")]
     CallUploads { most: u32 },
 
@@ -91,7 +95,9 @@ impl HttpError {
             Self::NotFound | Self::NoViewerWaits => StatusCode::NOT_FOUND,
             Self::NoMethod => StatusCode::METHOD_NOT_ALLOWED,
             Self::Unauthorized => StatusCode::UNAUTHORIZED,
-            Self::TooManyRequests { .. } => StatusCode::TOO_MANY_REQUESTS,
+            Self::TooManyRequests { .. } | Self::TooManyTries { .. } => {
+                StatusCode::TOO_MANY_REQUESTS
+            }
             Self::TooSlow => StatusCode::REQUEST_TIMEOUT,
             Self::TooLong => StatusCode::PAYLOAD_TOO_LARGE,
             Self::Truncated(status) => *status,
@@ -103,14 +109,14 @@ impl HttpError {
             | Self::Revoked
             | Self::AvatarSize { .. } => StatusCode::UNPROCESSABLE_ENTITY,
             Self::SeatTaken => StatusCode::CONFLICT,
-            Self::CallUploads { .. } => StatusCode::FORBIDDEN,
+            Self::Blocked | Self::CallUploads { .. } => StatusCode::FORBIDDEN,
             Self::NoSdpType => StatusCode::UNSUPPORTED_MEDIA_TYPE,
             Self::SenderSilent => StatusCode::GATEWAY_TIMEOUT,
             Self::Range { .. } => StatusCode::RANGE_NOT_SATISFIABLE,
             Self::Upload(error) => match error {
                 UploadError::TooLarge { .. } => StatusCode::PAYLOAD_TOO_LARGE,
                 UploadError::Truncated => StatusCode::BAD_REQUEST,
-                UploadError::Paused => StatusCode::REQUEST_TIMEOUT,
+                UploadError::Paused | UploadError::Slow => StatusCode::REQUEST_TIMEOUT,
                 UploadError::Hash { .. } | UploadError::Package(_) => {
                     StatusCode::UNPROCESSABLE_ENTITY
                 }
@@ -135,7 +141,9 @@ impl HttpError {
 
     fn retry_after_s(&self) -> Option<u32> {
         match self {
-            Self::TooManyRequests { retry_after_s } => Some(*retry_after_s),
+            Self::TooManyRequests { retry_after_s } | Self::TooManyTries { retry_after_s } => {
+                Some(*retry_after_s)
+            }
             Self::SenderAbsent => Some(1),
             error if error.status() == StatusCode::SERVICE_UNAVAILABLE => Some(SOON),
             _ => None,

@@ -1,10 +1,11 @@
 //! The layers that every request passes before its handler: counters, the rate limit, the token, the timeout.
 
 use super::{App, HttpError};
+use crate::metrics::TokenRefusal;
 use crate::token::{Claims, now};
 use axum::body::Body;
 use axum::extract::{ConnectInfo, Extension, MatchedPath, Request, State};
-use axum::http::{HeaderMap, header};
+use axum::http::{HeaderMap, HeaderValue, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use futures_util::StreamExt;
@@ -23,7 +24,7 @@ const FORWARDED_FOR: &str = "x-forwarded-for";
 
 /// Where a request comes from: the connection's address, or what the proxy before this server says.
 #[derive(Clone, Copy)]
-pub(super) struct Client(IpAddr);
+pub(super) struct Client(pub(super) IpAddr);
 
 /// Finds out where a request comes from, counts it and writes it to the log, with nothing that is secret: the route's pattern and no room, no token.
 pub(super) async fn count(
@@ -58,24 +59,35 @@ fn client(app: &App, connected: IpAddr, headers: &HeaderMap) -> IpAddr {
         .unwrap_or(connected)
 }
 
+/// Refuses requests of blocked addresses, and such as come too fast: also those by which a browser asks what it may send, which go no further.
 pub(super) async fn limit_rate(
     State(app): State<Arc<App>>,
     Extension(Client(address)): Extension<Client>,
     request: Request,
     next: Next,
 ) -> Response {
-    match app.rate.check(address) {
-        Ok(()) => next.run(request).await,
-        Err(seconds) => {
-            app.metrics.rate_limited.inc();
-            let retry_after_s = seconds;
-            HttpError::TooManyRequests { retry_after_s }.into_response()
-        }
-    }
+    // Behind a proxy the connection does not tell where a request comes from.
+    let refusal = if app.blocked.has(address) {
+        app.metrics.blocked.inc();
+        HttpError::Blocked
+    } else if let Err(retry_after_s) = app.rate.check(address) {
+        app.metrics.rate_limited.inc();
+        HttpError::TooManyRequests { retry_after_s }
+    } else {
+        return next.run(request).await;
+    };
+    let mut response = refusal.into_response();
+    // As all answers have it, so that a page reads why.
+    let headers = response.headers_mut();
+    let any = HeaderValue::from_static("*");
+    headers.insert(header::ACCESS_CONTROL_ALLOW_ORIGIN, any.clone());
+    headers.insert(header::ACCESS_CONTROL_EXPOSE_HEADERS, any);
+    response
 }
 
 pub(super) async fn authenticate(
     State(app): State<Arc<App>>,
+    ConnectInfo(connection): ConnectInfo<SocketAddr>,
     mut request: Request,
     next: Next,
 ) -> Response {
@@ -83,17 +95,24 @@ pub(super) async fn authenticate(
         return next.run(request).await;
     }
     let token = bearer(request.headers());
+    let has_token = token.is_some();
     let claims = token.and_then(|token| Claims::verify(token, &app.secret, now()));
-    match claims.filter(|claims| !app.revoked.has(claims.name)) {
-        Some(claims) => {
+    let refused = match claims {
+        Some(claims) if !app.revoked.has_any(claims.names()) => {
             request.extensions_mut().insert(claims);
-            next.run(request).await
+            let response = next.run(request).await;
+            if response.status().is_success() {
+                app.gate.trust(&connection);
+            }
+            return response;
         }
-        None => {
-            discard(request.into_body());
-            HttpError::Unauthorized.into_response()
-        }
-    }
+        Some(_) => TokenRefusal::Revoked,
+        None if has_token => TokenRefusal::Invalid,
+        None => TokenRefusal::Missing,
+    };
+    app.metrics.token_refused(refused);
+    discard(request.into_body());
+    HttpError::Unauthorized.into_response()
 }
 
 /// The one token of a request.

@@ -62,6 +62,9 @@ pub(super) async fn metrics(State(app): State<Arc<App>>) -> impl axum::response:
         let viewers = i64::try_from(forwarding.viewers()).unwrap_or(i64::MAX);
         app.metrics.forwarded_to.set(viewers);
     }
+    if let Some(relay) = app.ice.relay() {
+        app.metrics.relay(relay.counts());
+    }
     let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
     (
         [(axum::http::header::CONTENT_TYPE, kind)],

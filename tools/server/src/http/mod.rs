@@ -1,9 +1,10 @@
-//! The routes. Every request passes, from outside in: CORS, the counters, the rate limit, its token, its timeout.
+//! The routes. Every request passes, from outside in: the counters, the rate limit, CORS, its token, its timeout.
 
 mod calls;
 mod error;
 mod guard;
 mod health;
+mod joined;
 mod member_uploads;
 mod packages;
 mod presence;
@@ -11,7 +12,9 @@ mod rate_limit;
 mod rooms;
 mod senders_room;
 
-use crate::forwarding::Forwarding;
+use crate::blocked::Blocked;
+use crate::connections::Gate;
+use crate::forwarding::{Forwarding, SendersRoom};
 use crate::ice::Ice;
 use crate::metrics::Metrics;
 use crate::packages::Packages;
@@ -26,9 +29,12 @@ use axum::middleware::{from_fn, from_fn_with_state};
 use axum::routing::{get, post, put};
 use error::HttpError;
 pub(crate) use health::Cached;
+pub(crate) use joined::Joined;
 use link_protocol::limits::MAX_JSON_BYTES;
 use member_uploads::MemberUploads;
 pub(crate) use rate_limit::RateLimit;
+use senders_room::RoomHere;
+use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio_util::sync::CancellationToken;
@@ -39,7 +45,11 @@ use tower_http::cors::{Any, CorsLayer};
 pub(crate) struct App {
     pub(crate) limits: Limits,
     pub(crate) secret: Secret,
-    pub(crate) revoked: Revoked,
+    pub(crate) revoked: Arc<Revoked>,
+    pub(crate) blocked: Arc<Blocked>,
+    pub(crate) gate: Gate,
+    /// Sessions that end with their token.
+    pub(crate) joined: Joined,
     pub(crate) rooms: Arc<Rooms>,
     pub(crate) relay: Option<Relay>,
     pub(crate) ice: Ice,
@@ -60,6 +70,45 @@ impl App {
             (Some(presence), _) => presence.ask(request).await,
             (None, Some(relay)) => relay.ask(room, &request).await,
             (None, None) => RoomReply::Absent,
+        }
+    }
+
+    /// Ends what came about by tokens that are revoked now: relays at once; of viewers' sessions, those that are forwarded to, and by the senders the others.
+    pub(crate) fn end_revoked(self: &Arc<Self>) {
+        if let Some(relay) = self.ice.relay() {
+            relay.end_refused();
+        }
+        let over = self.joined.newly_over(|names| self.revoked.has_any(names));
+        if over.is_empty() {
+            return;
+        }
+        log::info!(
+            "{} viewers are sent away: their tokens are revoked",
+            over.len()
+        );
+        let mut rooms = HashMap::<Id, Vec<Id>>::new();
+        for (room, session) in over {
+            if let Some(forwarding) = &self.forwarding {
+                forwarding.leave(&session.into());
+            }
+            rooms.entry(room).or_default().push(session);
+        }
+        for (room, sessions) in rooms {
+            let room = RoomHere::new(self, room);
+            // Each for itself: a sender that takes nothing keeps no other waiting.
+            tokio::spawn(async move {
+                for session in sessions {
+                    room.left(&session.into()).await;
+                }
+            });
+        }
+    }
+
+    /// Ends the connections and relays of addresses that are blocked now.
+    pub(crate) fn end_blocked(&self) {
+        self.gate.close_blocked();
+        if let Some(relay) = self.ice.relay() {
+            relay.end_refused();
         }
     }
 }
@@ -113,9 +162,9 @@ pub(crate) fn router(app: Arc<App>) -> Router {
         .fallback(async || HttpError::NotFound)
         .method_not_allowed_fallback(async || HttpError::NoMethod)
         .layer(from_fn_with_state(Arc::clone(&app), guard::authenticate))
+        .layer(cors())
         .layer(from_fn_with_state(Arc::clone(&app), guard::limit_rate))
         .layer(from_fn_with_state(Arc::clone(&app), guard::count))
-        .layer(cors())
         .with_state(app)
 }
 

@@ -1,9 +1,10 @@
 //! Putting, reading and removing packages.
 
-use super::guard::discard;
+use super::guard::{Client, discard};
 use super::member_uploads::MemberUpload;
 use super::rooms::{refused, viewer_of};
 use super::{App, HttpError};
+use crate::metrics::UploadRefusal;
 use crate::packages::{ByteRange, Conditions, Owned, Shelf, UploadError};
 use crate::rooms::{RoomReply, RoomRequest};
 use crate::token::{Claims, Role, now};
@@ -15,6 +16,7 @@ use axum::response::{IntoResponse, Response};
 use futures_util::TryStreamExt;
 use futures_util::future::join_all;
 use link_protocol::PackageId;
+use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -24,28 +26,34 @@ const STORE_WITHIN: Duration = Duration::from_secs(15);
 pub(super) async fn store(
     State(app): State<Arc<App>>,
     Extension(claims): Extension<Claims>,
+    Extension(Client(address)): Extension<Client>,
     Path(hash): Path<String>,
     request: Request,
 ) -> Result<StatusCode, HttpError> {
-    let (hash, counted) = match may_put(&app, &claims, &hash).await {
+    let (hash, counted) = match may_put(&app, &claims, address, &hash).await {
         Ok(MayPut::Package(hash, counted)) => (hash, counted),
         Ok(MayPut::IsThere) => {
             discard(request.into_body());
             return Ok(StatusCode::OK);
         }
         Err(refusal) => {
+            match &refusal {
+                HttpError::CallUploads { .. } => app.metrics.upload_refused(UploadRefusal::Call),
+                HttpError::TooManyTries { .. } => app.metrics.upload_refused(UploadRefusal::Tries),
+                _ => {}
+            }
             discard(request.into_body());
             return Err(refusal);
         }
     };
-    let shelf = Shelf::of(&claims);
+    let (shelf, party) = (Shelf::of(&claims), Shelf::party(&claims));
     let declared = request.headers().get(header::CONTENT_LENGTH);
     let declared = declared.and_then(|value| value.to_str().ok()?.parse().ok());
     let mut body = request.into_body().into_data_stream();
     let whole = async {
         let upload = app
             .packages
-            .receive(shelf, hash, declared, &mut body)
+            .receive((shelf, party, address), hash, declared, &mut body)
             .await?;
         Ok(upload)
     };
@@ -97,7 +105,12 @@ enum MayPut {
 }
 
 /// An owner may put any package, a call's member so many that are not there yet.
-async fn may_put(app: &App, claims: &Claims, hash: &str) -> Result<MayPut, HttpError> {
+async fn may_put(
+    app: &App,
+    claims: &Claims,
+    address: IpAddr,
+    hash: &str,
+) -> Result<MayPut, HttpError> {
     let hash = hash.parse().map_err(|_| HttpError::NotFound)?;
     if !matches!(claims.role, Role::Owner | Role::Member) {
         return Err(HttpError::NotFound);
@@ -110,7 +123,7 @@ async fn may_put(app: &App, claims: &Claims, hash: &str) -> Result<MayPut, HttpE
         return Ok(MayPut::IsThere);
     }
     let counted = match claims.role {
-        Role::Member => Some(app.member_uploads.begin(claims, now())?),
+        Role::Member => Some(app.member_uploads.begin(claims, address, now())?),
         _ => None,
     };
     Ok(MayPut::Package(hash, counted))
@@ -139,7 +152,7 @@ async fn may_read(
         // Who is about to put a package asks whether it is there.
         Role::Member if method == Method::HEAD => return Ok(()),
         Role::Viewer => vec![claims.room()],
-        Role::Member => app.secret.seats(claims.room()).collect(),
+        Role::Member => claims.seats(&app.secret).collect(),
     };
     let viewer = viewer_of(claims);
     let asked = rooms.into_iter().map(|room| async move {

@@ -68,6 +68,9 @@ pub(super) async fn enter(
     let (guard, events) = app
         .rooms
         .enter(room, random()?, claims.owner, sender)
+        .inspect_err(|_| {
+            app.metrics.senders_refused.inc();
+        })
         .map_err(|refused| match refused {
             NotEntered::TooManyRooms => HttpError::TooManySenders,
             NotEntered::Taken => HttpError::SeatTaken,
@@ -86,8 +89,8 @@ pub(super) async fn enter(
         app: Arc::clone(&app),
         headers,
         room,
-        token: claims.name,
-        expires: claims.expires,
+        claims,
+        names: claims.names().collect(),
         tell_ice: Instant::now(),
     };
     let keep_alive = KeepAlive::new().interval(COMMENT_EVERY);
@@ -130,10 +133,10 @@ struct EventStream {
     /// Of the request, which say by what name the sender reaches this server.
     headers: HeaderMap,
     room: Id,
-    /// What the sender's token is called.
-    token: Id,
-    /// As [`Self::ends`], Unix seconds.
-    expires: u64,
+    /// Of the sender's token.
+    claims: Claims,
+    /// The names of that token, and of those that it was made with.
+    names: Vec<Id>,
     /// When the sender is told the STUN and TURN servers next.
     tell_ice: Instant,
 }
@@ -145,6 +148,8 @@ enum Next {
     /// That the server forwards, if it does.
     Forwards,
     Event,
+    /// That the viewers of these sessions leave, because the sender's token is revoked; then the end.
+    Leaves(Vec<Id>),
     /// The end.
     Nothing,
 }
@@ -171,15 +176,22 @@ impl EventStream {
                 }
                 () = self.stopping.cancelled() => return None,
                 // Who has no right to the room any more is to hear of nobody in it, nor to keep others out.
-                () = self.app.revoked.until(self.token) => return None,
+                () = self.app.revoked.until_any(&self.names) => {
+                    let sessions = self.app.joined.of_room(self.claims.owner, self.room);
+                    self.next = Next::Leaves(sessions);
+                    SseEvent::default().comment("revoked")
+                }
                 () = tokio::time::sleep_until(self.ends) => return None,
                 () = tokio::time::sleep_until(self.tell_ice), if self.app.ice.has_any() => {
                     self.tell_ice = Instant::now() + TELL_ICE_EVERY;
-                    let servers = self.app.ice.servers(&self.headers, self.room, self.expires);
+                    let servers = self.app.ice.senders_servers(&self.headers, self.room, &self.claims);
                     sse(&PresenceEvent::IceServers(servers))
                 }
                 event = self.events.recv() => sse(&event?),
             },
+            Next::Leaves(ref mut sessions) => sse(&PresenceEvent::Leave {
+                session: sessions.pop()?.into(),
+            }),
             Next::Nothing => return None,
         };
         Some((Ok(event), self))

@@ -14,24 +14,47 @@ pub(crate) struct RateLimit {
     due: Mutex<HashMap<IpAddr, Instant>>,
 }
 
-#[derive(Debug)]
-struct Pace {
+/// A rate with a burst.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pace {
     /// Between two requests that come evenly.
     interval: Duration,
     /// How far requests may run ahead of that.
     ahead: Duration,
 }
 
+impl Pace {
+    /// One request each `interval` in the long run, `burst` at once.
+    pub(super) const fn new(interval: Duration, burst: u32) -> Self {
+        Self {
+            interval,
+            ahead: interval.saturating_mul(burst.saturating_sub(1)),
+        }
+    }
+
+    /// Admits a request at `now`, and moves `due`, the time at which the next one would be due; or returns how long to wait.
+    pub(super) fn take(self, due: &mut Instant, now: Instant) -> Result<(), Duration> {
+        *due = (*due).max(now);
+        let early = due.duration_since(now);
+        if early > self.ahead {
+            return Err(early.saturating_sub(self.ahead));
+        }
+        *due += self.interval;
+        Ok(())
+    }
+}
+
+/// Whole seconds that are no shorter than `wait`, for `Retry-After`.
+pub(super) fn retry_after_s(wait: Duration) -> u32 {
+    u32::try_from(wait.as_secs()).unwrap_or(u32::MAX - 1) + 1
+}
+
 impl RateLimit {
     /// `per_second` of 0 is no limit.
     pub(crate) fn new(per_second: u32, burst: u32) -> Self {
         let pace = (per_second > 0).then(|| {
-            let interval = Duration::from_secs(1) / per_second;
             let burst = if burst > 0 { burst } else { per_second };
-            Pace {
-                interval,
-                ahead: interval * (burst - 1),
-            }
+            Pace::new(Duration::from_secs(1) / per_second, burst)
         });
         Self {
             pace,
@@ -45,19 +68,12 @@ impl RateLimit {
     }
 
     fn check_at(&self, address: IpAddr, now: Instant) -> Result<(), u32> {
-        let Some(pace) = &self.pace else {
+        let Some(pace) = self.pace else {
             return Ok(());
         };
         let mut all = self.due.lock().unwrap_or_else(PoisonError::into_inner);
         let due = all.entry(network_prefix(address)).or_insert(now);
-        *due = (*due).max(now);
-        let early = due.duration_since(now);
-        if early > pace.ahead {
-            let wait = early - pace.ahead;
-            return Err(u32::try_from(wait.as_secs()).unwrap_or(u32::MAX - 1) + 1);
-        }
-        *due += pace.interval;
-        Ok(())
+        pace.take(due, now).map_err(retry_after_s)
     }
 
     /// Forgets addresses that have been quiet.

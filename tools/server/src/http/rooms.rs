@@ -3,6 +3,7 @@
 use super::senders_room::RoomHere;
 use super::{App, HttpError};
 use crate::forwarding::{HandedOver, SendersRoom};
+use crate::metrics::OfferRefusal;
 use crate::rooms::{RoomReply, RoomRequest};
 use crate::token::{Claims, Role, now};
 use crate::{Id, ServerError};
@@ -30,7 +31,7 @@ pub(super) async fn open(
     let lifetime = lifetime_of(&app, &body?)?;
     let room = random()?;
     let expires = now().saturating_add(lifetime);
-    let token = |role| Ok::<_, HttpError>(sign(&app, role, claims.owner, room, expires)?.1);
+    let token = |role| Ok::<_, HttpError>(sign(&app, role, &claims, room, expires)?.1);
     let opened = OpenedRoom {
         room: room.into(),
         sender_token: token(Role::Sender)?,
@@ -56,7 +57,7 @@ pub(super) async fn add_viewer(
         Some(lifetime) => now().saturating_add(lifetime).min(claims.expires),
         None => claims.expires,
     };
-    let (name, viewer_token) = sign(&app, Role::Viewer, claims.owner, room, expires)?;
+    let (name, viewer_token) = sign(&app, Role::Viewer, &claims, room, expires)?;
     let added = ViewerToken {
         name: name.into(),
         viewer_token,
@@ -66,15 +67,16 @@ pub(super) async fn add_viewer(
     Ok((StatusCode::CREATED, no_store, Json(added)).into_response())
 }
 
-/// A new token: its name and its text.
+/// A new token, made with `other`: its name and its text.
 pub(super) fn sign(
     app: &App,
     role: Role,
-    owner: Id,
+    other: &Claims,
     room: Id,
     expires: u64,
 ) -> Result<(Id, String), HttpError> {
-    let claims = Claims::in_room(role, owner, room, expires).map_err(no_random)?;
+    let claims = Claims::in_room(role, other.owner, room, expires).map_err(no_random)?;
+    let claims = claims.made_with(other);
     Ok((claims.name, claims.sign(&app.secret)))
 }
 
@@ -112,7 +114,7 @@ pub(super) async fn status(
             let no_store = [(header::CACHE_CONTROL, HeaderValue::from_static("no-store"))];
             let status = RoomStatus {
                 announcement,
-                ice_servers: app.ice.servers(&headers, room, claims.expires),
+                ice_servers: app.ice.servers(&headers, room, &claims),
             };
             Ok((no_store, Json(status)).into_response())
         }
@@ -159,6 +161,7 @@ pub(super) async fn join(
             // Who waits to be let in is refused every other second.
             if Refusal::read(&sdp).is_none() {
                 app.metrics.viewers_joined.inc();
+                app.joined.add(&claims, room, session, now());
             }
             let headers = [
                 (header::CONTENT_TYPE, SDP_MEDIA_TYPE.to_owned()),
@@ -170,7 +173,14 @@ pub(super) async fn join(
             ];
             Ok((StatusCode::CREATED, headers, sdp).into_response())
         }
-        other => Err(refused(&other)),
+        other => {
+            match &other {
+                RoomReply::Busy => app.metrics.offer_refused(OfferRefusal::Busy),
+                RoomReply::Unanswered => app.metrics.offer_refused(OfferRefusal::Unanswered),
+                _ => {}
+            }
+            Err(refused(&other))
+        }
     }
 }
 

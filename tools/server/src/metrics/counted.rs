@@ -1,11 +1,13 @@
 //! Counters by Prometheus' own library.
 
-use super::UploadRefusal;
+use super::relay::Relay;
+use super::{OfferRefusal, TokenRefusal, UploadRefusal};
 use prometheus_client::encoding::{EncodeLabelSet, text};
 use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::registry::Registry;
+use std::hash::Hash;
 
 /// A request's route (its pattern, not its path) and the answer's status.
 #[derive(Clone, Debug, Hash, PartialEq, Eq, EncodeLabelSet)]
@@ -14,9 +16,11 @@ struct Request {
     status: u16,
 }
 
-#[derive(Clone, Debug, Hash, PartialEq, Eq, EncodeLabelSet)]
-struct Refused {
-    reason: UploadRefusal,
+/// What was refused, by reason.
+type Refusals<R> = Family<[(&'static str, R); 1], Counter>;
+
+fn refused<R: Clone + Hash + Eq>(refusals: &Refusals<R>, reason: R) {
+    refusals.get_or_create(&[("reason", reason)]).inc();
 }
 
 /// The counters.
@@ -24,7 +28,10 @@ struct Refused {
 pub(crate) struct Metrics {
     registry: Registry,
     requests: Family<Request, Counter>,
-    uploads_refused: Family<Refused, Counter>,
+    uploads_refused: Refusals<UploadRefusal>,
+    tokens_refused: Refusals<TokenRefusal>,
+    offers_refused: Refusals<OfferRefusal>,
+    relay: Relay,
     /// Senders connected to this instance.
     pub(crate) rooms: Gauge,
     /// Connections open.
@@ -33,6 +40,12 @@ pub(crate) struct Metrics {
     pub(crate) forwarded_to: Gauge,
     /// Connections closed at once because there were too many.
     pub(crate) connections_refused: Counter,
+    /// Connections without a valid token that were closed in favour of new ones.
+    pub(crate) connections_replaced: Counter,
+    /// Connections and requests of blocked addresses.
+    pub(crate) blocked: Counter,
+    /// Senders refused because there were too many, or their seat was taken.
+    pub(crate) senders_refused: Counter,
     /// Viewers given an answer by this instance.
     pub(crate) viewers_joined: Counter,
     /// Requests refused for coming too fast.
@@ -52,6 +65,7 @@ impl Metrics {
         let mut registry = Registry::with_prefix("mon3tr");
         let requests = Family::default();
         let uploads_refused = Family::default();
+        let (tokens_refused, offers_refused) = (Family::default(), Family::default());
         let (rooms, connections) = (Gauge::default(), Gauge::default());
         let forwarded_to = Gauge::default();
         let counter = |registry: &mut Registry, name: &str, help: &str| {
@@ -70,6 +84,17 @@ impl Metrics {
             uploads_refused.clone(),
         );
         registry.register(
+            "tokens_refused",
+            "Requests without a token that holds, by reason",
+            tokens_refused.clone(),
+        );
+        registry.register(
+            "offers_refused",
+            "Viewers' offers refused by the server, by reason",
+            offers_refused.clone(),
+        );
+        let relay = Relay::registered(&mut registry);
+        registry.register(
             "rooms",
             "Rooms whose sender is connected here",
             rooms.clone(),
@@ -86,6 +111,21 @@ impl Metrics {
             "connections_refused",
             "Connections closed because there were too many",
         );
+        let connections_replaced = new(
+            r,
+            "connections_replaced",
+            "Connections without a valid token closed in favour of new ones",
+        );
+        let blocked = new(
+            r,
+            "blocked",
+            "Connections and requests of blocked addresses",
+        );
+        let senders_refused = new(
+            r,
+            "senders_refused",
+            "Senders refused because there were too many, or their seat was taken",
+        );
         let viewers_joined = new(r, "viewers_joined", "Viewers given a sender's answer");
         let rate_limited = new(r, "rate_limited", "Requests refused for coming too fast");
         let bytes_up = new(r, "package_bytes_received", "Bytes of packages received");
@@ -100,10 +140,16 @@ impl Metrics {
             registry,
             requests,
             uploads_refused,
+            tokens_refused,
+            offers_refused,
+            relay,
             rooms,
             connections,
             forwarded_to,
             connections_refused,
+            connections_replaced,
+            blocked,
+            senders_refused,
             viewers_joined,
             rate_limited,
             bytes_up,
@@ -123,9 +169,20 @@ impl Metrics {
     }
 
     pub(crate) fn upload_refused(&self, reason: UploadRefusal) {
-        self.uploads_refused
-            .get_or_create(&Refused { reason })
-            .inc();
+        refused(&self.uploads_refused, reason);
+    }
+
+    pub(crate) fn token_refused(&self, reason: TokenRefusal) {
+        refused(&self.tokens_refused, reason);
+    }
+
+    pub(crate) fn offer_refused(&self, reason: OfferRefusal) {
+        refused(&self.offers_refused, reason);
+    }
+
+    /// Takes over what the relay has counted.
+    pub(crate) fn relay(&self, counts: turn_server::Counts) {
+        self.relay.set(counts);
     }
 
     /// All of it as OpenMetrics text.

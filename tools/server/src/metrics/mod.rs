@@ -2,6 +2,8 @@
 
 #[cfg(feature = "metrics")]
 mod counted;
+#[cfg(feature = "metrics")]
+mod relay;
 #[cfg(not(feature = "metrics"))]
 mod uncounted;
 
@@ -9,6 +11,34 @@ mod uncounted;
 pub(crate) use counted::Metrics;
 #[cfg(not(feature = "metrics"))]
 pub(crate) use uncounted::Metrics;
+
+/// Why a token was refused.
+#[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "metrics",
+    derive(prometheus_client::encoding::EncodeLabelValue)
+)]
+pub(crate) enum TokenRefusal {
+    /// The request has none, or several.
+    Missing,
+    /// It is not genuine, or has expired.
+    Invalid,
+    /// It, or one that it was made with, is revoked.
+    Revoked,
+}
+
+/// Why a viewer's offer was refused by the server.
+#[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "metrics",
+    derive(prometheus_client::encoding::EncodeLabelValue)
+)]
+pub(crate) enum OfferRefusal {
+    /// Too many viewers of the room wait for an answer.
+    Busy,
+    /// The sender did not answer in time.
+    Unanswered,
+}
 
 /// Why an upload was refused.
 #[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
@@ -31,6 +61,10 @@ pub(crate) enum UploadRefusal {
     Busy,
     /// Its owner has as much as it may have.
     Quota,
+    /// The members of its call have put as many as they may.
+    Call,
+    /// Too many were begun from its address, in its call.
+    Tries,
     /// The spool or the store failed.
     Storage,
 }

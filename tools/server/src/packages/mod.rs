@@ -10,6 +10,7 @@ mod owned;
 mod places;
 mod range;
 mod shelf;
+mod space;
 mod store;
 mod upload;
 
@@ -24,8 +25,11 @@ use crate::{Config, Id, Limits, ServerError, StoreConfig};
 use link_protocol::PackageId;
 use locks::Locks;
 use owned::Quota;
-use places::{Places, Share};
+pub(crate) use places::Party;
+use places::{Places, Share, Shares};
+use space::Space;
 use std::collections::HashSet;
+use std::net::IpAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -34,8 +38,11 @@ use store::Store;
 const PACKAGES: &str = "packages";
 const RECORDS: &str = "records";
 
-/// Uploads of one owner that wait to be received.
-const WAITING_PER_OWNER: usize = 32;
+/// Uploads of one owner, or of one of its calls, that wait to be received.
+const WAITING: usize = 32;
+
+/// Uploads of one call that are received at once.
+const UPLOADS_PER_CALL: usize = 2;
 
 /// The store.
 #[derive(Debug)]
@@ -44,8 +51,11 @@ pub(crate) struct Packages {
     spool: PathBuf,
     uploads: Places,
     checks: Places,
+    /// Held while an upload of a member's is received: one of each address in a call at once.
+    members: Locks<(Id, IpAddr)>,
     limit: u64,
     quota: Quota,
+    space: Space,
     pause: Duration,
     metrics: Arc<Metrics>,
     /// Held while a package of this hash is checked, put or removed, so that these do not interleave.
@@ -63,6 +73,8 @@ impl Packages {
             package_bytes,
             packages_per_owner,
             bytes_per_owner,
+            store_bytes,
+            disk_reserve,
             pause,
             ..
         } = &config.limits;
@@ -78,12 +90,28 @@ impl Packages {
             purpose: "the place for uploads under way",
             source,
         })?;
+        let folder = match &config.store {
+            StoreConfig::Local(folder) => Some((folder.as_path(), store.bytes()?)),
+            #[cfg(feature = "s3")]
+            StoreConfig::S3 { .. } => None,
+        };
         Ok(Self {
+            space: Space::new(folder, &spool, *store_bytes, *disk_reserve),
             store,
             spool,
-            uploads: Places::new(*uploads_at_once, Share::AsManyAsAreLeft, WAITING_PER_OWNER),
+            uploads: Places::new(Shares {
+                places: *uploads_at_once,
+                of_owner: Share::AsManyAsAreLeft,
+                of_call: UPLOADS_PER_CALL,
+                waiting: WAITING,
+            }),
             // Each that waits has one of the other places.
-            checks: Places::new(*checks_at_once, Share::All, *uploads_at_once),
+            checks: Places::new(Shares {
+                places: *checks_at_once,
+                of_owner: Share::All,
+                of_call: *checks_at_once,
+                waiting: *uploads_at_once,
+            }),
             limit: *package_bytes,
             quota: Quota {
                 packages: *packages_per_owner,
@@ -91,6 +119,7 @@ impl Packages {
             },
             pause: *pause,
             metrics,
+            members: Locks::default(),
             hashes: Locks::default(),
             owners: Locks::default(),
         })
@@ -163,8 +192,11 @@ impl Packages {
     /// The hash's lock is held by the caller.
     async fn remove_unowned(&self, hash: PackageId) -> Result<bool, StoreError> {
         let owners = self.store.names(&format!("{RECORDS}/{hash}")).await?;
-        if owners.is_empty() {
+        if owners.is_empty()
+            && let Some(bytes) = self.store.size(&package(hash)).await?
+        {
             self.store.delete(&package(hash)).await?;
+            self.space.remove(bytes);
         }
         Ok(owners.is_empty())
     }

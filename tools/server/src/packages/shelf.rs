@@ -3,6 +3,7 @@
 //! Apart, because members are strangers to the owner: they read, announce and remove nothing of the owner's own, and however much they put, the owner's
 //! quota is its own.
 
+use super::places::Party;
 use crate::Id;
 use crate::token::{Claims, Role};
 
@@ -21,6 +22,14 @@ impl Shelf {
         match claims.role {
             Role::Owner | Role::Sender | Role::Viewer => Self::Own(claims.owner),
             Role::Member => Self::Members(claims.owner),
+        }
+    }
+
+    /// Who takes the places of this token's uploads: the owner, or the members of the token's call.
+    pub(crate) fn party(claims: &Claims) -> Party {
+        Party {
+            owner: Self::of(claims).id(),
+            call: (claims.role == Role::Member).then(|| claims.room()),
         }
     }
 

@@ -5,8 +5,7 @@
 use super::locks::Held;
 use super::owned::OverQuota;
 use super::places::Place;
-use super::{Owned, Packages, Shelf, StoreError, package, record};
-use crate::Id;
+use super::{Owned, Packages, Party, Shelf, StoreError, package, record};
 use crate::metrics::UploadRefusal;
 use crate::token::now;
 use bytes::Bytes;
@@ -16,12 +15,19 @@ use link_protocol::package_id::PackageHasher;
 use spmm3::{Avatar, PackageError};
 use std::collections::HashSet;
 use std::io::{BufReader, ErrorKind, Seek};
+use std::net::IpAddr;
 use std::time::Duration;
 use tokio::io::AsyncWriteExt;
-use tokio::time::timeout;
+use tokio::time::{Instant, timeout};
+use turn_server::network_prefix;
 
 /// How long an upload may wait to be received: well below what its client takes for a broken connection.
 const RECEIVED_WITHIN: Duration = Duration::from_secs(8);
+
+/// Bytes a second that an upload has to bring on average after its first seconds: an upload of 14 MB that is slower is not received within the default
+/// `upload_within` in any case.
+const SLOWEST: u32 = 8 << 10;
+const SLOW_AT_FIRST: Duration = Duration::from_secs(10);
 
 /// Why an upload is refused.
 #[derive(Debug, thiserror::Error)]
@@ -32,11 +38,15 @@ pub(crate) enum UploadError {
     Truncated,
     #[error("the upload paused for too long; nothing of it was kept")]
     Paused,
+    #[error("the upload brought less than {SLOWEST} bytes a second; nothing of it was kept")]
+    Slow,
     #[error("the bytes have the SHA-256 {found}, not the one in the request's path")]
     Hash { found: PackageId },
     #[error("{}", chain(.0))]
     Package(PackageError),
-    #[error("the server's disk is full; nothing of the upload was kept")]
+    #[error(
+        "the server's disk is full, but for what has to stay free; nothing of the upload was kept"
+    )]
     DiskFull,
     #[error("too many uploads of this owner, or of all owners together, are under way")]
     Busy,
@@ -53,7 +63,7 @@ impl UploadError {
     pub(crate) fn reason(&self) -> UploadRefusal {
         match self {
             Self::TooLarge { .. } => UploadRefusal::TooLarge,
-            Self::Truncated | Self::Paused => UploadRefusal::Incomplete,
+            Self::Truncated | Self::Paused | Self::Slow => UploadRefusal::Incomplete,
             Self::Hash { .. } => UploadRefusal::Hash,
             Self::Package(_) => UploadRefusal::Package,
             Self::DiskFull => UploadRefusal::DiskFull,
@@ -86,14 +96,15 @@ pub(crate) struct Spooled {
     file: std::fs::File,
     bytes: u64,
     hash: PackageId,
+    party: Party,
     _place: Place,
 }
 
 impl Packages {
-    /// Receives an upload of `declared` bytes, if the client declared a length.
+    /// Receives an upload of `declared` bytes, if the client declared a length. Of a member, `address` is where it comes from.
     pub(crate) async fn receive<E>(
         &self,
-        shelf: Shelf,
+        (shelf, party, address): (Shelf, Party, IpAddr),
         hash: PackageId,
         declared: Option<u64>,
         mut body: impl Stream<Item = Result<Bytes, E>> + Unpin,
@@ -109,16 +120,30 @@ impl Packages {
             put: now(),
         };
         self.within_quota(shelf, expected).await?;
-        let place = timeout(RECEIVED_WITHIN, self.uploads.take(shelf.id())).await;
-        let place = place.ok().flatten().ok_or(UploadError::Busy)?;
+        self.within_space(expected.bytes)?;
+        let place = timeout(RECEIVED_WITHIN, async {
+            // So no member takes both places of a call.
+            let alone = match party.call {
+                Some(call) => Some(self.members.lock((call, network_prefix(address))).await),
+                None => None,
+            };
+            Some((alone, self.uploads.take(party).await?))
+        });
+        let (_alone, place) = place.await.ok().flatten().ok_or(UploadError::Busy)?;
         let file = tempfile::tempfile_in(&self.spool).map_err(UploadError::spool)?;
         let mut file = tokio::fs::File::from_std(file);
         let mut hasher = PackageHasher::default();
         let mut bytes = 0u64;
-        while let Some(chunk) = timeout(self.pause, body.next())
-            .await
-            .map_err(|_| UploadError::Paused)?
-        {
+        let begun = Instant::now();
+        loop {
+            let slow = begun + SLOW_AT_FIRST + Duration::from_secs(bytes / u64::from(SLOWEST));
+            let chunk = tokio::select! {
+                chunk = body.next() => chunk,
+                () = tokio::time::sleep(self.pause) => return Err(UploadError::Paused),
+                () = tokio::time::sleep_until(slow) => return Err(UploadError::Slow),
+                () = place.is_withdrawn() => return Err(UploadError::Busy),
+            };
+            let Some(chunk) = chunk else { break };
             let chunk = chunk.map_err(|_| UploadError::Truncated)?;
             bytes = bytes.saturating_add(chunk.len() as u64);
             self.metrics.bytes_up.inc_by(chunk.len() as u64);
@@ -137,6 +162,7 @@ impl Packages {
             file: file.into_std().await,
             bytes,
             hash,
+            party,
             _place: place,
         })
     }
@@ -170,7 +196,7 @@ impl Packages {
         made_room: &mut Vec<PackageId>,
     ) -> Result<bool, UploadError> {
         let owner = shelf.id();
-        let (upload, _lock) = self.checked(owner, upload).await?;
+        let (upload, _lock) = self.checked(upload).await?;
         let hash = upload.hash;
         let record = record(hash, owner);
         let known = {
@@ -211,7 +237,6 @@ impl Packages {
     /// them; of several uploads of the same bytes one is checked, and the others wait for it.
     async fn checked(
         &self,
-        owner: Id,
         upload: Spooled,
     ) -> Result<(Spooled, Held<'_, PackageId>), UploadError> {
         // Without a place: whoever checks the same bytes now is waited for.
@@ -221,7 +246,11 @@ impl Packages {
         }
         // Who has a lock never waits for a place.
         drop(lock);
-        let place = self.checks.take(owner).await.ok_or(UploadError::Busy)?;
+        let place = self
+            .checks
+            .take(upload.party)
+            .await
+            .ok_or(UploadError::Busy)?;
         let lock = self.hashes.lock(upload.hash).await;
         if self.has_bytes(&upload).await? {
             return Ok((upload, lock));
@@ -239,6 +268,11 @@ impl Packages {
         }
     }
 
+    fn within_space(&self, bytes: u64) -> Result<(), UploadError> {
+        let has_room = self.space.has_room(bytes);
+        has_room.then_some(()).ok_or(UploadError::DiskFull)
+    }
+
     async fn has_bytes(&self, upload: &Spooled) -> Result<bool, UploadError> {
         let size = self.store.size(&package(upload.hash)).await;
         Ok(size.map_err(UploadError::store)? == Some(upload.bytes))
@@ -251,11 +285,13 @@ impl Packages {
         let Spooled {
             file, bytes, hash, ..
         } = upload;
+        self.within_space(bytes)?;
         let to = package(hash);
         let put = self.store.put(&to, file).await;
         put.map_err(UploadError::store)?;
         let size = self.store.size(&to).await.map_err(UploadError::store)?;
         if size == Some(bytes) {
+            self.space.add(bytes);
             Ok(())
         } else {
             // Another instance removed it, for its last owner there, in just this moment.

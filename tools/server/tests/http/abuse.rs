@@ -127,6 +127,134 @@ async fn the_connections_of_one_address_are_limited() -> Outcome {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn slow_connections_from_many_addresses_keep_no_other_client_out() -> Outcome {
+    let server = TestServer::start_with(|c| {
+        c.limits.connections = 64;
+        c.limits.connections_per_address = 10;
+        c.limits.requests_per_second = 0;
+    })
+    .await?;
+    let caller = server.caller.clone();
+    let room = caller.room("ada").await?;
+    let mut sender = caller.enter(&room).await?;
+    let presence = format!(
+        "POST {}/presence HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer {}\r\nContent-Length: 100\r\n\r\n{{",
+        room.path(),
+        room.sender
+    );
+    let hostile = (0..10).map(|number| {
+        let (caller, presence) = (caller.at([127, 0, 0, 20 + number]), presence.clone());
+        tokio::spawn(async move {
+            let caller = caller?;
+            let mut held = std::collections::VecDeque::new();
+            // With a genuine token and without, with a head and without, and idle after an answer.
+            for kind in 0_u32.. {
+                let mut stream = caller.connect().await?;
+                let bytes: &[u8] = match kind % 5 {
+                    0 | 1 => presence.as_bytes(),
+                    2 => b"GET /healthz HTTP/1.1\r\nX: ",
+                    3 => b"",
+                    _ => b"GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n",
+                };
+                // It may be closed already.
+                drop(stream.write_all(bytes).await);
+                held.push_back(stream);
+                if held.len() >= 10 {
+                    held.pop_front();
+                }
+                tokio::time::sleep(Duration::from_millis(10)).await;
+            }
+            Outcome::Ok(())
+        })
+    });
+    let hostile: Vec<_> = hostile.collect();
+    let is_full = async {
+        while caller.metric("mon3tr_connections_replaced_total ").await? < 50 {
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+        Outcome::Ok(())
+    };
+    tokio::time::timeout(PATIENCE, is_full).await??;
+    let path = room.path();
+    for number in 0..20 {
+        let honest = caller.at([127, 0, 0, 90])?;
+        let health = within_two_tries(|| honest.get("/healthz", "")).await?;
+        assert_eq!(health, StatusCode::OK, "number {number}");
+        let status = within_two_tries(|| honest.get(&path, &room.viewer)).await?;
+        assert_eq!(status, StatusCode::OK, "number {number}");
+    }
+    // The presence has had its connection all the while.
+    caller.meet(&room, &mut sender).await?;
+    assert!(!hostile.iter().any(tokio::task::JoinHandle::is_finished));
+    hostile.iter().for_each(tokio::task::JoinHandle::abort);
+    Ok(())
+}
+
+/// The status of an answer: of the second try where the first one had none.
+async fn within_two_tries<F>(ask: impl Fn() -> F) -> Outcome<StatusCode>
+where
+    F: Future<Output = Outcome<reqwest::Response>>,
+{
+    let in_time = || tokio::time::timeout(Duration::from_secs(10), ask());
+    let answer = match in_time().await? {
+        Ok(answer) => answer,
+        Err(_) => in_time().await??,
+    };
+    Ok(answer.status())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn preflight_requests_of_browsers_count_for_the_rate_limit_too() -> Outcome {
+    let server = TestServer::start_with(|c| {
+        c.limits.requests_per_second = 1;
+        c.limits.request_burst = 5;
+    })
+    .await?;
+    let caller = &server.caller;
+    let mut refused = None;
+    for _ in 0..100 {
+        let request = caller.request(Method::OPTIONS, "/v1/rooms", "");
+        let request = request.header("origin", "https://elsewhere.example");
+        let request = request.header("access-control-request-method", "POST");
+        let answer = request.send().await?;
+        if answer.status() == StatusCode::TOO_MANY_REQUESTS {
+            refused = Some(answer);
+            break;
+        }
+    }
+    let refused = refused.ok_or("never refused")?;
+    let origin = &refused.headers()["access-control-allow-origin"];
+    assert_eq!(origin, "*", "a page reads why");
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_blocked_address_is_served_no_longer_and_its_connections_end() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let file = folder.path().join("blocked");
+    let list = file.clone();
+    let server = TestServer::start_with(|config| config.blocked = Some(list)).await?;
+    let caller = &server.caller;
+    let hostile = caller.at([127, 0, 0, 66])?;
+    assert_eq!(hostile.get("/healthz", "").await?.status(), StatusCode::OK);
+    let mut open = hostile.connect().await?;
+    std::fs::write(&file, "127.0.0.64/29 # abuse\n")?;
+    let mut nothing = Vec::new();
+    let ended = tokio::time::timeout(PATIENCE, open.read_to_end(&mut nothing)).await?;
+    assert!(ended.is_err() || nothing.is_empty(), "closed");
+    assert!(hostile.get("/healthz", "").await.is_err(), "nor another");
+    assert_eq!(caller.get("/healthz", "").await?.status(), StatusCode::OK);
+    assert!(caller.metric("mon3tr_blocked_total ").await? > 0, "counted");
+    std::fs::remove_file(&file)?;
+    let again = async {
+        while hostile.get("/healthz", "").await.is_err() {
+            tokio::time::sleep(Duration::from_millis(100)).await;
+        }
+    };
+    Ok(tokio::time::timeout(PATIENCE, again).await?)
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn the_rate_limit_counts_by_the_connections_address_and_ignores_x_forwarded_for() -> Outcome {
     let server = TestServer::start_with(|c| {
         c.limits.requests_per_second = 1;

@@ -25,7 +25,10 @@ async fn bearers_are_told_the_servers_relay_with_credentials_that_end() -> Outco
             assert_eq!(&status[field], value, "{field} stands beside it");
         }
     }
-    for servers in &told {
+    let owner = server::Id::of_owner("ada").to_string();
+    // The presence's, and each token's own.
+    let tokens = [&room.sender, &room.viewer, &room.sender];
+    for ((servers, token), role) in told.iter().zip(tokens).zip(["s", "v", "s"]) {
         let address = format!("127.0.0.1:{}", turn.port());
         assert_eq!(servers[0], json!({"urls": ["stun:stun.example:3479"]}));
         assert_eq!(servers[1], json!({"urls": [format!("stun:{address}")]}));
@@ -41,7 +44,10 @@ async fn bearers_are_told_the_servers_relay_with_credentials_that_end() -> Outco
         let (expires, subject) = user.split_once(':').ok_or("no expiry")?;
         let lifetime = expires.parse::<u64>()?.saturating_sub(unix_now());
         assert!((3500..=3600).contains(&lifetime), "an hour: {lifetime} s");
-        assert_eq!(subject, room.id, "the room's");
+        let (name, _) = caller.secret.look_at_token(token).ok_or("genuine")?;
+        let begin = format!("{}:{role}:{name}.", room.id);
+        assert!(subject.starts_with(&begin), "{subject}");
+        assert!(subject.ends_with(&format!(":{owner}")), "{subject}");
         let password = servers[2]["credential"].as_str().ok_or("no password")?;
         assert_eq!(password.len(), 28, "HMAC-SHA1 in Base64");
     }

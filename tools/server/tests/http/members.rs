@@ -2,11 +2,12 @@
 
 use crate::calls::{Call, rooms};
 use crate::owners::named;
-use crate::support::{Caller, Outcome, Package, Presence, TestServer, package};
+use crate::support::{Caller, Outcome, PATIENCE, Package, Presence, TestServer, package};
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::time::Duration;
+use tokio::io::AsyncReadExt;
 
 /// Times in the store are whole seconds.
 const LATER: Duration = Duration::from_millis(1100);
@@ -54,11 +55,104 @@ async fn members_are_received_no_more_often_than_agreed() -> Outcome {
         assert_eq!(wrong, StatusCode::UNPROCESSABLE_ENTITY, "number {number}");
     }
     let more = caller.put_package(&named("more"), &call.member).await?;
-    assert_eq!(more.status(), StatusCode::FORBIDDEN, "one too many");
+    assert_eq!(more.status(), StatusCode::TOO_MANY_REQUESTS, "too many");
+    let wait: u64 = more.headers()["retry-after"].to_str()?.parse()?;
+    assert!(wait <= 61, "one comes back each minute: {wait} s");
     let again = caller.put_package(package(), &call.member).await?.status();
     assert_eq!(again, StatusCode::OK, "what is there costs nothing");
     let other = caller.call("ada").await?;
     put(caller, &named("more"), &other.member).await
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn failed_uploads_of_one_address_keep_no_other_member_of_the_call_out() -> Outcome {
+    let server = TestServer::start_with(|c| {
+        c.limits.requests_per_second = 0;
+        c.limits.package_bytes = 1 << 20;
+    })
+    .await?;
+    let caller = &server.caller;
+    let call = caller.call("ada").await?;
+    let hostile = caller.at([127, 0, 0, 9])?;
+    let mut refused = BTreeSet::new();
+    for number in 0..200u16 {
+        let wrong = Package::of(number.to_le_bytes().to_vec());
+        let put = hostile.request(Method::PUT, &wrong.path(), &call.member);
+        let body = match number % 4 {
+            0 => wrong.bytes.clone(),
+            1 => b"other bytes".to_vec(),
+            2 => vec![0; 2 << 20],
+            _ => Vec::new(),
+        };
+        refused.insert(put.body(body).send().await?.status().as_u16());
+        if number % 10 == 0 {
+            // Given up in the middle.
+            drop(crate::owners::begin(&hostile, &call.member).await?);
+        }
+    }
+    assert_eq!(refused, [413, 422, 429].into(), "of all kinds");
+    let honest = caller.at([127, 0, 0, 10])?;
+    put(&honest, package(), &call.member).await?;
+    let line = "mon3tr_uploads_refused_total{reason=\"Tries\"} ";
+    assert!(caller.metric(line).await? >= 100, "counted");
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn thousands_of_one_owners_calls_keep_no_other_owners_members_out() -> Outcome {
+    let server = TestServer::start_with(|c| c.limits.requests_per_second = 0).await?;
+    let caller = &server.caller;
+    let eve = caller.owner("eve");
+    let opening = (0..16).map(|part: u16| {
+        let (caller, eve) = (caller.clone(), eve.clone());
+        tokio::spawn(async move {
+            for number in 0..4096 / 16 {
+                let opened = caller.request(Method::POST, "/v1/calls", &eve);
+                let opened: Value = opened.send().await?.json().await?;
+                let member = opened["member_token"].as_str().ok_or("no token")?;
+                let wrong = Package::of([part, number].map(u16::to_le_bytes).concat());
+                let put = caller.put_package(&wrong, member).await?.status();
+                assert_eq!(put, StatusCode::UNPROCESSABLE_ENTITY);
+            }
+            Outcome::Ok(())
+        })
+    });
+    for part in opening.collect::<Vec<_>>() {
+        part.await??;
+    }
+    let call = caller.call("ada").await?;
+    put(caller, package(), &call.member).await
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_members_slow_uploads_keep_none_of_the_owners_other_calls_waiting() -> Outcome {
+    let server = TestServer::start_with(|c| c.limits.pause = Duration::from_secs(60)).await?;
+    let caller = &server.caller;
+    let (call, other) = (caller.call("ada").await?, caller.call("ada").await?);
+    let hostile = caller.at([127, 0, 0, 9])?;
+    let mut slow = Vec::new();
+    for _ in 0..23 {
+        slow.push(crate::owners::begin(&hostile, &call.member).await?);
+    }
+    let begun = async {
+        while caller
+            .metric("mon3tr_package_bytes_received_total ")
+            .await?
+            == 0
+        {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+        Outcome::Ok(())
+    };
+    tokio::time::timeout(PATIENCE, begun).await??;
+    // In another call, and in the same one at another address.
+    put(caller, package(), &other.member).await?;
+    put(caller, &named("mine"), &call.member).await?;
+    // They end, by their slowness, though they pause for no minute.
+    let mut answer = [0; 12];
+    tokio::time::timeout(PATIENCE, slow[0].read_exact(&mut answer)).await??;
+    assert_eq!(&answer, b"HTTP/1.1 408", "too slow");
+    Ok(())
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -18,9 +18,9 @@ pub(crate) fn named(name: &str) -> Package {
 }
 
 /// Begins an upload for this owner, which never ends.
-async fn begin(caller: &Caller, token: &str) -> Outcome<TcpStream> {
+pub(crate) async fn begin(caller: &Caller, token: &str) -> Outcome<TcpStream> {
     let package = package();
-    let mut stream = TcpStream::connect(caller.address).await?;
+    let mut stream = caller.connect().await?;
     let head = format!(
         "PUT {} HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer {token}\r\nContent-Length: {}\r\n\r\n",
         package.path(),
@@ -67,6 +67,24 @@ async fn an_owner_with_22_uploads_under_way_keeps_no_other_owner_out() -> Outcom
     assert_eq!((busy, paused), (14, 8), "eve's");
     let put = caller.put_package(package(), &ada).await?;
     assert_eq!(put.status(), StatusCode::CREATED, "ada is served");
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn owners_with_slow_uploads_in_all_places_keep_no_other_owner_out() -> Outcome {
+    let server = TestServer::start_with(|c| c.limits.pause = Duration::from_secs(60)).await?;
+    let caller = &server.caller;
+    let mut slow = Vec::new();
+    for owner in 0..6 {
+        let owner = caller.owner(&format!("owner {owner}"));
+        for _ in 0..9 {
+            slow.push(begin(caller, &owner).await?);
+        }
+    }
+    for name in ["ada", "bob"] {
+        let put = caller.put_package(package(), &caller.owner(name)).await?;
+        assert_eq!(put.status(), StatusCode::CREATED, "{name} is served");
+    }
     Ok(())
 }
 
@@ -155,6 +173,24 @@ async fn a_package_over_its_owners_quota_is_refused_until_another_one_is_removed
         let line = "mon3tr_uploads_refused_total{reason=\"Quota\"} ";
         assert_eq!(caller.metric(line).await?, 1, "counted");
     }
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_store_takes_no_more_than_it_may_of_all_owners_together() -> Outcome {
+    let size = package().bytes.len() as u64;
+    let server = TestServer::start_with(|c| c.limits.store_bytes = size + size / 2).await?;
+    let caller = &server.caller;
+    let put = caller.put_package(package(), &caller.owner("ada")).await?;
+    assert_eq!(put.status(), StatusCode::CREATED, "there is room");
+    let eve = caller.owner("eve");
+    let full = caller.put_package(&named("one more"), &eve).await?;
+    assert_eq!(full.status(), StatusCode::INSUFFICIENT_STORAGE);
+    let ada = caller.owner("ada");
+    let gone = caller.delete(&package().path(), &ada).await?;
+    assert_eq!(gone, StatusCode::NO_CONTENT, "removed");
+    let put = caller.put_package(&named("one more"), &eve).await?;
+    assert_eq!(put.status(), StatusCode::CREATED, "there is room again");
     Ok(())
 }
 

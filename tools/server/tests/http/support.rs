@@ -7,11 +7,12 @@ use server::{Config, Secret, Server, StoreConfig};
 use sha2::{Digest, Sha256};
 use std::collections::VecDeque;
 use std::error::Error;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::OnceLock;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use synthetic_person::{Puppet, PuppetSize};
 use tempfile::TempDir;
+use tokio::net::{TcpSocket, TcpStream};
 
 pub(crate) type Outcome<T = ()> = Result<T, Box<dyn Error + Send + Sync>>;
 
@@ -127,6 +128,7 @@ pub(crate) fn config(store: StoreConfig) -> Outcome<Config> {
         turn: None,
         tls: None,
         revoked: None,
+        blocked: None,
         limits: server::Limits::default(),
     })
 }
@@ -137,6 +139,7 @@ pub(crate) struct Caller {
     pub(crate) client: Client,
     pub(crate) address: SocketAddr,
     pub(crate) secret: Secret,
+    from: Option<[u8; 4]>,
 }
 
 /// A room as its owner got it.
@@ -162,7 +165,30 @@ impl Caller {
             client,
             address,
             secret,
+            from: None,
         })
+    }
+
+    /// The same client at another address of the loopback.
+    pub(crate) fn at(&self, from: [u8; 4]) -> Outcome<Self> {
+        let client = Client::builder()
+            .timeout(PATIENCE)
+            .local_address(IpAddr::from(from))
+            .build()?;
+        Ok(Self {
+            client,
+            from: Some(from),
+            ..self.clone()
+        })
+    }
+
+    /// A connection of its own.
+    pub(crate) async fn connect(&self) -> Outcome<TcpStream> {
+        let socket = TcpSocket::new_v4()?;
+        if let Some(from) = self.from {
+            socket.bind((from, 0).into())?;
+        }
+        Ok(socket.connect(self.address).await?)
     }
 
     pub(crate) fn owner(&self, name: &str) -> String {

@@ -4,6 +4,7 @@ use super::authentication::Bearer;
 use super::refusal::{BAD_REQUEST, FAMILY, MISMATCH, NO_CAPACITY, Refusal, TRANSPORT};
 use super::{Service, relaying};
 use crate::allocation::{Allocation, Client, Terms, Way};
+use crate::holder::Holder;
 use crate::message::{Message, attribute};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::sync::Arc;
@@ -50,7 +51,9 @@ impl Service {
             .iter()
             .find_map(|family| self.local_ip(client, *family))
             .ok_or(FAMILY)?;
-        self.table().has_room(&client, bearer.name.subject)?;
+        let holder = Holder::from(bearer.name.subject);
+        let has_room = self.table().has_room(&client, &holder);
+        has_room.map_err(|full| self.full(full))?;
         let socket = bind_relay(if self.config.listen.ip().is_unspecified() {
             if ip.is_ipv4() { v4 } else { v6 }
         } else {
@@ -67,7 +70,7 @@ impl Service {
             client,
             way: way.clone(),
             username: bearer.username.to_owned(),
-            subject: bearer.name.subject.to_owned(),
+            holder,
             relayed: SocketAddr::new(external.unwrap_or(ip), port),
             socket,
             transaction: message.transaction(),
@@ -79,7 +82,8 @@ impl Service {
             bytes_per_second: limits.allocation_bytes_per_second,
         };
         let allocation = Arc::new(Allocation::new(terms, now));
-        self.table().insert(Arc::clone(&allocation))?;
+        let inserted = self.table().insert(Arc::clone(&allocation));
+        inserted.map_err(|full| self.full(full))?;
         log::debug!("{} is lent {}", client.address, allocation.terms.relayed);
         tokio::spawn(relaying::relay(Arc::clone(self), Arc::clone(&allocation)));
         Ok(allocation)

@@ -38,7 +38,16 @@ impl Service {
         if realm != REALM || !message.verify(&key) {
             return Err(UNAUTHORIZED);
         }
-        match self.allocation(client) {
+        let allocation = self.allocation(client);
+        let subject = name.subject;
+        if !(self.config.admission).honours(subject.room, subject.tokens) {
+            self.count(|counts| &mut counts.revoked);
+            if let Some(allocation) = allocation {
+                allocation.ended.cancel();
+            }
+            return Err(UNAUTHORIZED);
+        }
+        match allocation {
             // An allocation lives on with the credentials that made it; they allow no other.
             Some(allocation) if allocation.terms.username != username => {
                 return Err(WRONG_CREDENTIALS);

@@ -9,9 +9,11 @@ use crate::allocation::{Allocation, CHANNELS, Client, Way};
 use crate::budget::Budget;
 use crate::config::Config;
 use crate::message::{Message, Writer, attribute, kind};
+use crate::strangers::Strangers;
 use crate::table::Table;
 use authentication::Bearer;
 use refusal::{BAD_REQUEST, MISMATCH, Refusal, UNKNOWN_ATTRIBUTE};
+use std::net::IpAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -26,7 +28,33 @@ pub(crate) struct Service {
     nonce_key: [u8; 32],
     table: Mutex<Table>,
     total: Mutex<Budget>,
-    unauthenticated: Mutex<Budget>,
+    strangers: Mutex<Strangers>,
+    counts: Mutex<Counts>,
+}
+
+/// What a server has refused since its start, and what it lends now.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Allocations there are.
+    pub allocations: usize,
+    /// Allocations refused because the server had as many as it may.
+    pub refused_by_server: u64,
+    /// The same, because the room's owner had as many as it left free.
+    pub refused_by_owner: u64,
+    /// The same, because the room had as many as it may.
+    pub refused_by_room: u64,
+    /// The same, because the token had as many as it may.
+    pub refused_by_token: u64,
+    /// The same, because the address had as many as it may.
+    pub refused_by_address: u64,
+    /// Requests whose token is revoked.
+    pub revoked: u64,
+    /// Requests without valid credentials that got no answer, because there were too many.
+    pub unanswered: u64,
+    /// TCP connections refused because there were too many.
+    pub connections_refused: u64,
+    /// Packets and connections of blocked addresses.
+    pub blocked: u64,
 }
 
 impl Service {
@@ -39,13 +67,49 @@ impl Service {
             nonce_key,
             table: Mutex::new(Table::new(limits)),
             total: Mutex::new(Budget::new(limits.bytes_per_second, now)),
-            unauthenticated: Mutex::new(Budget::new(limits.unauthenticated_per_second, now)),
+            strangers: Mutex::new(Strangers::new(limits, now)),
+            counts: Mutex::default(),
             config,
         })
     }
 
     pub(crate) fn config(&self) -> &Config {
         &self.config
+    }
+
+    /// What was refused so far, and what is lent.
+    pub(crate) fn counts(&self) -> Counts {
+        let allocations = self.table().len();
+        Counts {
+            allocations,
+            ..*lock(&self.counts)
+        }
+    }
+
+    /// Counts something that was refused.
+    pub(crate) fn count(&self, one: impl FnOnce(&mut Counts) -> &mut u64) {
+        *one(&mut lock(&self.counts)) += 1;
+    }
+
+    /// Whether the address is blocked, which is counted.
+    pub(crate) fn is_blocked(&self, address: IpAddr) -> bool {
+        let is_blocked = self.config.admission.is_blocked(address);
+        if is_blocked {
+            self.count(|counts| &mut counts.blocked);
+        }
+        is_blocked
+    }
+
+    /// Ends the allocations of whom the server admits no longer.
+    pub(crate) fn end_refused(&self) {
+        let admission = &self.config.admission;
+        let table = self.table();
+        let refused = table.all().filter(|allocation| {
+            let (client, holder) = (&allocation.terms.client, &allocation.terms.holder);
+            admission.is_blocked(client.address.ip())
+                || !admission.honours(&holder.room, &holder.tokens)
+        });
+        refused.for_each(|allocation| allocation.ended.cancel());
     }
 
     /// Handles a packet of `client`, whose answers go `way`. Returns whether the client has an allocation now.
@@ -96,7 +160,7 @@ impl Service {
             }
             request if !requests.contains(&request) => return None,
             kind::BINDING_REQUEST => {
-                return self.may_answer_strangers().then(|| {
+                return self.may_answer_stranger(client).then(|| {
                     Writer::new(kind::BINDING_REQUEST | kind::SUCCESS, message.transaction())
                         .address(attribute::XOR_MAPPED_ADDRESS, client.address)
                         .finish()
@@ -108,7 +172,7 @@ impl Service {
             Ok(bearer) => bearer,
             Err(refusal) => {
                 return self
-                    .may_answer_strangers()
+                    .may_answer_stranger(client)
                     .then(|| self.refuse(client, message, &refusal, None));
             }
         };
@@ -196,8 +260,12 @@ impl Service {
         self.table().remove(allocation);
     }
 
-    fn may_answer_strangers(&self) -> bool {
-        lock(&self.unauthenticated).take(1, Instant::now())
+    fn may_answer_stranger(&self, client: Client) -> bool {
+        let may = lock(&self.strangers).take(client.address.ip(), Instant::now());
+        if !may {
+            self.count(|counts| &mut counts.unanswered);
+        }
+        may
     }
 
     /// A client's allocation. The table is no longer locked once this returns.

@@ -39,17 +39,23 @@ impl From<Refused> for Refusal {
     }
 }
 
-impl From<Full> for Refusal {
-    fn from(full: Full) -> Self {
-        log::warn!("an allocation is refused: {full}");
+impl Service {
+    /// The refusal of an allocation, which is counted.
+    pub(super) fn full(&self, full: Full) -> Refusal {
+        log::debug!("an allocation is refused: {full}");
+        self.count(|counts| match full {
+            Full::Server => &mut counts.refused_by_server,
+            Full::Owner => &mut counts.refused_by_owner,
+            Full::Room => &mut counts.refused_by_room,
+            Full::Token => &mut counts.refused_by_token,
+            Full::Address => &mut counts.refused_by_address,
+        });
         match full {
-            Full::Server => NO_CAPACITY,
-            Full::Subject | Full::Address => QUOTA,
+            Full::Server | Full::Owner => NO_CAPACITY,
+            Full::Room | Full::Token | Full::Address => QUOTA,
         }
     }
-}
 
-impl Service {
     /// An error response; one that asks for credentials carries the realm and a nonce.
     pub(super) fn refuse(
         &self,

@@ -5,11 +5,13 @@ use super::{credentials, external, key, pause, server, set_limits, unix_now};
 use rtc::stun::attributes::{ATTR_EVEN_PORT, ATTR_REQUESTED_TRANSPORT};
 use rtc::stun::message::METHOD_ALLOCATE;
 use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::net::{TcpStream, UdpSocket};
-use turn_server::Key;
-use turn_server::credentials::Credentials;
+use tokio::net::{TcpSocket, TcpStream, UdpSocket};
+use turn_server::credentials::{Credentials, Role, Subject};
+use turn_server::{Admission, Key};
 
 #[tokio::test]
 async fn only_genuine_credentials_that_have_not_expired_get_an_allocation() {
@@ -137,7 +139,8 @@ async fn allocations_are_capped_by_room_by_address_and_in_all() {
     ] {
         let (_server, address) = server(set_limits(|limits| {
             limits.allocations = in_all;
-            limits.allocations_per_subject = per_room;
+            limits.allocations_per_room = per_room;
+            limits.allocations_of_sender = 0;
             limits.allocations_per_address = per_address;
         }));
         let mut clients = Vec::new();
@@ -157,6 +160,218 @@ async fn allocations_are_capped_by_room_by_address_and_in_all() {
         first.refresh(0).await.expect("given back");
         assert!(more.allocate().await.is_ok(), "{what}, after one is gone");
     }
+}
+
+/// A client at this address of the loopback with credentials of a token.
+async fn client_at(address: SocketAddr, from: [u8; 4], subject: &Subject<'_>) -> Client {
+    let credentials = key().issue(&subject.to_string(), unix_now() + 60);
+    Client::udp_from(from, address, credentials).await
+}
+
+/// How many allocations these credentials get from this address, of the most that are tried.
+async fn take(
+    address: SocketAddr,
+    from: [u8; 4],
+    subject: &Subject<'_>,
+    most: usize,
+) -> Vec<Client> {
+    let mut clients = Vec::new();
+    while clients.len() < most {
+        let mut client = client_at(address, from, subject).await;
+        match client.allocate().await {
+            Ok(_) => clients.push(client),
+            Err(code) => {
+                assert!(matches!(code, 486 | 508), "{code}");
+                break;
+            }
+        }
+    }
+    clients
+}
+
+#[tokio::test]
+async fn a_viewers_link_takes_neither_the_senders_nor_other_viewers_allocations() {
+    let (_server, address) = server(set_limits(|limits| {
+        limits.allocations_per_room = 24;
+        limits.allocations_of_sender = 8;
+        limits.allocations_per_token = 12;
+        limits.allocations_per_token_and_address = 4;
+        limits.unauthenticated_per_address = 1000;
+    }));
+    let viewer = Subject {
+        room: "room",
+        role: Role::Viewer,
+        tokens: "link.owner",
+        owner: "ada",
+    };
+    let first = take(address, [127, 0, 0, 11], &viewer, 99).await;
+    let second = take(address, [127, 0, 0, 12], &viewer, 99).await;
+    assert_eq!((first.len(), second.len()), (4, 4), "of each address");
+    let honest = take(address, [127, 0, 0, 13], &viewer, 2).await;
+    assert_eq!(honest.len(), 2, "the same link at another address");
+    let third = take(address, [127, 0, 0, 14], &viewer, 99).await;
+    assert_eq!(third.len(), 2, "of the token in all");
+    let guest = Subject {
+        tokens: "guest.owner.sender",
+        ..viewer
+    };
+    let guests = take(address, [127, 0, 0, 11], &guest, 99).await;
+    assert_eq!(guests.len(), 4, "another token at the same address");
+    let other = Subject {
+        tokens: "other.owner.sender",
+        ..viewer
+    };
+    let refused = take(address, [127, 0, 0, 15], &other, 99).await;
+    assert_eq!(refused.len(), 0, "the rest is the sender's");
+    let sender = Subject {
+        role: Role::Sender,
+        tokens: "sender.owner",
+        ..viewer
+    };
+    let senders = take(address, [127, 0, 0, 16], &sender, 99).await;
+    assert_eq!(senders.len(), 8, "kept for the sender");
+    let member = Subject {
+        room: "call",
+        role: Role::Member,
+        tokens: "member.owner",
+        owner: "bob",
+    };
+    let members = take(address, [127, 0, 0, 17], &member, 99).await;
+    assert_eq!(members.len(), 12, "of a token that many share");
+}
+
+#[tokio::test]
+async fn an_owner_gets_no_more_allocations_than_it_leaves_to_others() {
+    let (_server, address) = server(set_limits(|limits| {
+        limits.allocations = 16;
+        limits.unauthenticated_per_address = 1000;
+    }));
+    for (number, most) in [("eve", 8), ("bob", 4), ("ada", 2)] {
+        let sender = Subject {
+            room: number,
+            role: Role::Sender,
+            tokens: number,
+            owner: number,
+        };
+        let taken = take(address, [127, 0, 0, 21], &sender, 99).await;
+        assert_eq!(taken.len(), most, "{number}");
+        // They stay.
+        taken.into_iter().for_each(std::mem::forget);
+    }
+}
+
+/// Admits all but one token and one address, once that is asked for.
+#[derive(Debug, Default)]
+struct Refuses(AtomicBool);
+
+impl Admission for Refuses {
+    fn honours(&self, _: &str, tokens: &str) -> bool {
+        !self.0.load(Relaxed) || !tokens.split('.').any(|name| name == "owner")
+    }
+
+    fn is_blocked(&self, address: IpAddr) -> bool {
+        self.0.load(Relaxed) && address == IpAddr::from([127, 0, 0, 32])
+    }
+}
+
+#[tokio::test]
+async fn a_revoked_tokens_allocations_and_a_blocked_addresses_end_and_no_other_comes() {
+    let refuses = Arc::new(Refuses::default());
+    let admission = Arc::clone(&refuses);
+    let (server, address) = server(move |config| config.admission = admission);
+    let of = |tokens| Subject {
+        room: "room",
+        role: Role::Viewer,
+        tokens,
+        owner: "ada",
+    };
+    let mut revoked = client_at(address, [127, 0, 0, 31], &of("link.owner")).await;
+    let mut blocked = client_at(address, [127, 0, 0, 32], &of("guest")).await;
+    let mut stays = client_at(address, [127, 0, 0, 33], &of("guest")).await;
+    for client in [&mut revoked, &mut blocked, &mut stays] {
+        client.allocate().await.expect("lent");
+    }
+    assert_eq!(server.counts().allocations, 3);
+    refuses.0.store(true, Relaxed);
+    assert_eq!(revoked.refresh(600).await, Err(401), "its token is revoked");
+    server.end_refused();
+    let ended = async {
+        while server.counts().allocations > 1 {
+            pause().await;
+        }
+    };
+    let ended = tokio::time::timeout(Duration::from_secs(20), ended).await;
+    ended.expect("they end");
+    assert_eq!(stays.refresh(600).await, Ok(600), "another token's");
+    assert_eq!(revoked.allocate().await, Err(401), "no other");
+    let stun = [
+        0, 1, 0, 0, 0x21, 0x12, 0xA4, 0x42, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12,
+    ];
+    blocked.send(&stun).await;
+    assert!(blocked.hears_nothing().await, "an answer to who is blocked");
+    let counts = server.counts();
+    assert!(counts.revoked >= 2 && counts.blocked >= 1, "{counts:?}");
+}
+
+#[tokio::test]
+async fn a_flood_without_credentials_silences_its_own_address_alone() {
+    let (server, address) = server(|_| {});
+    let flood = UdpSocket::bind("127.0.0.41:0").await.expect("a socket");
+    let mut allocate = vec![
+        0, 3, 0, 8, 0x21, 0x12, 0xA4, 0x42, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12,
+    ];
+    let binding = [&[0, 1, 0, 0], &allocate[4..]].concat();
+    allocate.extend([0, 0x19, 0, 4, 17, 0, 0, 0]);
+    let mut answers = 0;
+    let mut packet = [0; 256];
+    for number in 0..4000 {
+        let request = if number % 2 == 0 { &allocate } else { &binding };
+        // The socket may be full.
+        drop(flood.send_to(request, address).await);
+        while flood.try_recv(&mut packet).is_ok() {
+            answers += 1;
+        }
+        if number % 1000 == 999 {
+            let from = [127, 0, 0, 42];
+            let mut honest = Client::udp_from(from, address, credentials()).await;
+            assert!(honest.binding().await.is_some(), "STUN elsewhere");
+            honest.allocate().await.expect("lent elsewhere");
+        }
+    }
+    pause().await;
+    while flood.try_recv(&mut packet).is_ok() {
+        answers += 1;
+    }
+    assert!(
+        (100..600).contains(&answers),
+        "{answers} answers to the flood"
+    );
+    assert!(server.counts().unanswered > 1000, "{:?}", server.counts());
+}
+
+#[tokio::test]
+async fn connections_without_an_allocation_make_room_for_new_ones() {
+    let (_server, address) = server(set_limits(|limits| {
+        limits.connections = 12;
+        limits.connections_per_address = 4;
+    }));
+    let open = async |last| {
+        let socket = TcpSocket::new_v4().expect("a socket");
+        socket.bind(([127, 0, 0, last], 0).into()).expect("bound");
+        socket.connect(address).await.expect("a connection")
+    };
+    let mut held = Vec::new();
+    for _ in 0..4 {
+        for last in [51, 52, 53] {
+            held.push(open(last).await);
+        }
+    }
+    let mut honest = Client::tcp_on(open(54).await, credentials());
+    honest.allocate().await.expect("lent");
+    for last in [55, 56, 57, 58] {
+        held.push(open(last).await);
+    }
+    assert_eq!(honest.refresh(600).await, Ok(600), "it is not closed");
 }
 
 #[tokio::test]

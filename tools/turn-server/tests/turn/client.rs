@@ -58,6 +58,22 @@ impl Client {
         Self::new(Carrier::Udp(socket), credentials)
     }
 
+    /// The same from this address.
+    pub(crate) async fn udp_from(
+        from: [u8; 4],
+        server: SocketAddr,
+        credentials: Credentials,
+    ) -> Self {
+        let from = SocketAddr::from((from, 0));
+        let socket = UdpSocket::bind(from).await.expect("a socket");
+        socket.connect(server).await.expect("a way to the server");
+        Self::new(Carrier::Udp(socket), credentials)
+    }
+
+    pub(crate) fn tcp_on(stream: TcpStream, credentials: Credentials) -> Self {
+        Self::new(Carrier::Tcp(stream), credentials)
+    }
+
     pub(crate) async fn tcp(server: SocketAddr, credentials: Credentials) -> Self {
         let stream = TcpStream::connect(server).await.expect("a connection");
         Self::new(Carrier::Tcp(stream), credentials)

@@ -89,12 +89,17 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     raise_open_files();
     let folder = server_folder(options.data.as_deref())?;
     make_folder(&folder)?;
-    let secret = folder.join("secret");
-    if secret.exists() {
-        identity::open_private(&secret)
-            .context("whoever reads the server's secret can make any token")?;
+    let [secret, previous] = ["secret", "secret.previous"].map(|name| folder.join(name));
+    for file in [&secret, &previous] {
+        if file.exists() {
+            identity::open_private(file)
+                .context("a user who reads the server's secret can make any token")?;
+        }
     }
-    let secret = Secret::load_or_create(&secret)?;
+    let mut secret = Secret::load_or_create(&secret)?;
+    if let Some(previous) = Secret::load(&previous)? {
+        secret = secret.after(&previous);
+    }
     let owners = owners::Owners::new(folder.clone(), secret.clone());
     if options.tokens.run(&owners)? {
         return Ok(());
@@ -107,6 +112,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         secret,
     );
     config.revoked = Some(owners.revoked_file());
+    config.blocked = Some(folder.join("blocked"));
     config.stun.clone_from(&options.stun);
     config.turn = options.turn.map(|listen| TurnConfig {
         external: options.turn_external,

@@ -95,6 +95,8 @@ mod tests {
             ("checks_at_once = 0", "`0`", whole(1, 64)),
             ("packages_per_owner = 0", "`0`", whole(1, 10_000)),
             ("bytes_per_owner = 0", "`0`", whole(1, 1 << 50)),
+            ("store_bytes = 0", "`0`", whole(1, 1 << 50)),
+            ("disk_reserve = -1", "`-1`", whole(0, 1 << 50)),
             ("requests_per_second = -1", "`-1`", whole(0, 1_000_000)),
             ("request_burst = 0", "`0`", whole(1, 1_000_000)),
             ("connections = 0", "`0`", whole(1, 1_000_000)),

@@ -100,6 +100,8 @@ impl Owners {
     /// Whether the token in the file holds for long enough.
     fn is_fresh(&self) -> bool {
         let kept = std::fs::read_to_string(self.token_file()).ok();
+        // One that the secret before has signed is replaced.
+        let kept = kept.filter(|token| self.secret.has_signed(token.trim()));
         let kept = kept.and_then(|token| self.secret.look_at_token(token.trim()));
         let Some((id, expires)) = kept else {
             return false;

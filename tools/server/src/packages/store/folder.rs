@@ -50,6 +50,20 @@ impl Folder {
         })
     }
 
+    /// Bytes of all packages.
+    pub(super) fn bytes(&self) -> std::result::Result<u64, ServerError> {
+        let sum = || {
+            let entries = std::fs::read_dir(self.root.join(PACKAGES))?;
+            let sizes = entries.map(|entry| Ok(entry?.metadata()?.len()));
+            sizes.sum::<Result<u64>>()
+        };
+        sum().map_err(|source| ServerError::Folder {
+            path: self.root.clone(),
+            purpose: "the package store",
+            source,
+        })
+    }
+
     pub(super) async fn size(&self, name: &str) -> std::result::Result<Option<u64>, StoreError> {
         let found = absent(tokio::fs::metadata(self.root.join(name)).await);
         Ok(found.map_err(StoreError::File)?.map(|found| found.len()))

@@ -47,6 +47,15 @@ impl Store {
         }
     }
 
+    /// Bytes of all packages in a folder, of which a bucket tells nothing.
+    pub(super) fn bytes(&self) -> Result<u64, ServerError> {
+        match self {
+            Self::Folder(folder) => folder.bytes(),
+            #[cfg(feature = "s3")]
+            Self::Bucket(_) => Ok(0),
+        }
+    }
+
     /// Bytes of what has this name, if there is anything.
     pub(super) async fn size(&self, name: &str) -> Result<Option<u64>, StoreError> {
         match self {

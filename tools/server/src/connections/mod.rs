@@ -1,21 +1,25 @@
-//! Counts connections, and closes those whose client reads nothing for too long.
+//! Counts connections, and closes those whose client reads nothing for too long, or that have to make room for others.
 //!
 //! Requests have their own timeouts; this works below them, on the socket.
 
+mod open;
+
+use crate::blocked::Blocked;
 use crate::metrics::Metrics;
 use axum_server::accept::Accept;
-use std::collections::HashMap;
+use open::{Open, Place};
 use std::future::{Ready, ready};
 use std::io::{self, ErrorKind, IoSlice};
-use std::net::IpAddr;
+use std::net::SocketAddr;
 use std::pin::Pin;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, ready};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::time::Sleep;
-use turn_server::network_prefix;
+use tokio_util::sync::WaitForCancellationFutureOwned;
 
 /// Admits a number of connections in all, and a number from one address.
 #[derive(Clone, Debug)]
@@ -25,18 +29,27 @@ pub(crate) struct Gate {
 
 #[derive(Debug)]
 struct Inner {
-    total: usize,
-    per_address: usize,
     stall: Duration,
+    begun: Instant,
     open: Mutex<Open>,
+    blocked: Arc<Blocked>,
     metrics: Arc<Metrics>,
 }
 
-/// The connections that are open.
-#[derive(Debug, Default)]
-struct Open {
-    total: usize,
-    by_address: HashMap<IpAddr, usize>,
+impl Inner {
+    fn open(&self) -> MutexGuard<'_, Open> {
+        self.open.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Milliseconds since the server's start.
+    fn now(&self) -> u64 {
+        u64::try_from(self.begun.elapsed().as_millis()).unwrap_or(u64::MAX)
+    }
+
+    fn count(&self, open: &Open) {
+        let connections = i64::try_from(open.len()).unwrap_or(i64::MAX);
+        self.metrics.connections.set(connections);
+    }
 }
 
 impl Gate {
@@ -44,51 +57,66 @@ impl Gate {
         total: usize,
         per_address: usize,
         stall: Duration,
+        blocked: Arc<Blocked>,
         metrics: Arc<Metrics>,
     ) -> Self {
         Self {
             inner: Arc::new(Inner {
-                total,
-                per_address,
                 stall,
-                open: Mutex::default(),
+                begun: Instant::now(),
+                open: Mutex::new(Open::new(total, per_address)),
+                blocked,
                 metrics,
             }),
         }
     }
 
     fn enter(&self, stream: TcpStream) -> io::Result<Guarded> {
-        let address = network_prefix(stream.peer_addr()?.ip());
+        let client = stream.peer_addr()?;
+        if self.inner.blocked.has(client.ip()) {
+            self.inner.metrics.blocked.inc();
+            return Err(refused("the address is blocked"));
+        }
         stream.set_nodelay(true)?;
         // A machine that vanished never closes its connection; only the missing acknowledgements show it.
         #[cfg(target_os = "linux")]
         socket2::SockRef::from(&stream).set_tcp_user_timeout(Some(self.inner.stall))?;
-        let mut open = self
-            .inner
-            .open
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        let here = open.by_address.get(&address).copied().unwrap_or(0);
-        if open.total >= self.inner.total || here >= self.inner.per_address {
+        let mut open = self.inner.open();
+        let Ok(entered) = open.enter(client, self.inner.now()) else {
             self.inner.metrics.connections_refused.inc();
-            return Err(io::Error::new(
-                ErrorKind::ConnectionRefused,
-                "too many connections",
-            ));
+            return Err(refused("too many connections"));
+        };
+        self.inner.count(&open);
+        if entered.has_replaced {
+            self.inner.metrics.connections_replaced.inc();
         }
-        open.total += 1;
-        open.by_address.insert(address, here + 1);
-        self.inner.metrics.connections.inc();
         Ok(Guarded {
             stream,
             stalled: None,
-            _guard: ConnectionGuard {
+            closed: Box::pin(entered.place.closed.clone().cancelled_owned()),
+            guard: ConnectionGuard {
                 gate: Arc::clone(&self.inner),
-                address,
+                place: entered.place,
             },
             stall: self.inner.stall,
         })
     }
+
+    /// A request of this client has succeeded with a valid token: its connection is not closed in favour of those of strangers.
+    pub(crate) fn trust(&self, client: &SocketAddr) {
+        self.inner.open().trust(client);
+    }
+
+    /// Closes the connections of addresses that are blocked now.
+    pub(crate) fn close_blocked(&self) {
+        let mut open = self.inner.open();
+        open.close_those(|address| self.inner.blocked.has(address));
+        self.inner.count(&open);
+    }
+}
+
+fn refused(why: &'static str) -> io::Error {
+    io::Error::new(ErrorKind::ConnectionRefused, why)
 }
 
 impl<S> Accept<TcpStream, S> for Gate {
@@ -101,38 +129,36 @@ impl<S> Accept<TcpStream, S> for Gate {
     }
 }
 
-/// Counts a connection until it is dropped.
+/// Counts a connection until it is dropped, or closed for another one.
 #[derive(Debug)]
 struct ConnectionGuard {
     gate: Arc<Inner>,
-    address: IpAddr,
+    place: Place,
+}
+
+impl ConnectionGuard {
+    /// Bytes have passed.
+    fn is_used(&self) {
+        self.place.used.store(self.gate.now(), Relaxed);
+    }
 }
 
 impl Drop for ConnectionGuard {
     fn drop(&mut self) {
-        let mut open = self
-            .gate
-            .open
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        self.gate.metrics.connections.dec();
-        open.total -= 1;
-        if let Some(count) = open.by_address.get_mut(&self.address) {
-            *count -= 1;
-            if *count == 0 {
-                open.by_address.remove(&self.address);
-            }
-        }
+        let mut open = self.gate.open();
+        open.leave(self.place.number);
+        self.gate.count(&open);
     }
 }
 
-/// A connection that fails when its client takes nothing for too long.
+/// A connection that fails when its client takes nothing for too long, or when it is closed for another one.
 #[derive(Debug)]
 pub(crate) struct Guarded {
     stream: TcpStream,
     stall: Duration,
     stalled: Option<Pin<Box<Sleep>>>,
-    _guard: ConnectionGuard,
+    closed: Pin<Box<WaitForCancellationFutureOwned>>,
+    guard: ConnectionGuard,
 }
 
 impl Guarded {
@@ -144,7 +170,11 @@ impl Guarded {
     ) -> Poll<io::Result<T>> {
         if outcome.is_ready() {
             self.stalled = None;
+            self.guard.is_used();
             return outcome;
+        }
+        if self.closed.as_mut().poll(context).is_ready() {
+            return Poll::Ready(Err(ErrorKind::ConnectionAborted.into()));
         }
         let stall = self.stall;
         let clock = self
@@ -161,7 +191,14 @@ impl AsyncRead for Guarded {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_read(context, buffer)
+        if self.closed.as_mut().poll(context).is_ready() {
+            return Poll::Ready(Err(ErrorKind::ConnectionAborted.into()));
+        }
+        let read = Pin::new(&mut self.stream).poll_read(context, buffer);
+        if read.is_ready() {
+            self.guard.is_used();
+        }
+        read
     }
 }
 
