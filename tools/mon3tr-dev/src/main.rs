@@ -6,6 +6,7 @@
 mod apk;
 mod audience;
 mod bench;
+mod canary;
 mod capture;
 mod eval;
 mod netlab;
@@ -37,6 +38,8 @@ enum Command {
     Audience(audience::Options),
     /// Time drawing and sorting on this machine
     Bench(bench::Options),
+    /// Hold a call through a running server, and say whether it works, or which step fails
+    Canary(canary::Options),
     /// Captures of a person: imported from videos, made up for tests, looked at
     Capture(capture::Options),
     /// Measure against the truth: a camera's motion, avatars of scans, avatars of pictures
@@ -57,6 +60,7 @@ fn main() -> ExitCode {
         Command::Apk(options) => apk::run(options),
         Command::Audience(options) => audience::run(options),
         Command::Bench(options) => bench::run(options, device),
+        Command::Canary(options) => canary::run(options),
         Command::Capture(options) => capture::run(options, device),
         Command::Eval(options) => eval::run(options, device),
         Command::Netlab(options) => netlab::run(options),

@@ -2,9 +2,11 @@
 
 mod avatar;
 mod bench;
+mod canary;
 mod cli;
 #[path = "../../../mon3tr/tests/command/floor.rs"]
 mod floor;
+mod server;
 mod soak;
 #[path = "../../../mon3tr/tests/command/support.rs"]
 #[allow(dead_code, reason = "shared with the tests of mon3tr")]
