@@ -15,6 +15,8 @@ mod soak;
 mod usage;
 
 use clap::{Parser, Subcommand};
+#[cfg(unix)]
+use mon3tr::commands::serve::{forwarder, relay};
 use mon3tr::program::{self, SharedOptions};
 use std::process::ExitCode;
 
@@ -44,10 +46,16 @@ enum Command {
     Capture(capture::Options),
     /// Measure against the truth: a camera's motion, avatars of scans, avatars of pictures
     Eval(eval::Options),
+    /// Forward to the viewers of a server on this machine, in a process of its own
+    #[cfg(unix)]
+    Forwarder(forwarder::Options),
     /// Measure calls over networks of any quality, all on this machine
     Netlab(netlab::Options),
     /// Train an avatar from a capture's pictures
     Reconstruct(reconstruct::Options),
+    /// Relay the calls of a server that find no direct way, in a process of its own
+    #[cfg(unix)]
+    Relay(relay::Options),
     /// Hold a long call on this machine, and tell whether it takes more and more: memory, descriptors, threads, time
     Soak(soak::Options),
 }
@@ -63,8 +71,12 @@ fn main() -> ExitCode {
         Command::Canary(options) => canary::run(options),
         Command::Capture(options) => capture::run(options, device),
         Command::Eval(options) => eval::run(options, device),
+        #[cfg(unix)]
+        Command::Forwarder(options) => forwarder::run(options),
         Command::Netlab(options) => netlab::run(options),
         Command::Reconstruct(options) => reconstruct::run(options, device),
+        #[cfg(unix)]
+        Command::Relay(options) => relay::run(options),
         Command::Soak(options) => soak::run(options, device),
     })
 }

@@ -2,7 +2,7 @@
 //! credentials for the room.
 
 use crate::token::{now, turn_key};
-use crate::{Config, Id, ServerError};
+use crate::{Config, Id, ServerError, turn};
 use axum::http::uri::Authority;
 use axum::http::{HeaderMap, header};
 use link_protocol::IceServers;
@@ -30,6 +30,8 @@ pub(crate) struct Ice {
 struct Own {
     /// By which it is reached, as far as it is known here.
     host: Option<String>,
+    /// That is its name for callers, too: it is on another host than the signaling.
+    is_elsewhere: bool,
     port: u16,
     key: Key,
     tls: bool,
@@ -42,33 +44,44 @@ impl Ice {
         #[cfg(feature = "tls")] tls: Option<Arc<rustls::ServerConfig>>,
     ) -> Result<(Self, Option<TurnServer>), ServerError> {
         let stun = config.stun.iter().map(ToString::to_string).collect();
+        let key = turn_key(&config.secret);
+        if let Some(at) = &config.turn_at {
+            let own = Some(Own {
+                host: at.host.clone().or_else(this_machine),
+                is_elsewhere: at.host.is_some(),
+                port: at.port,
+                key,
+                #[cfg(not(feature = "tls"))]
+                tls: false,
+                #[cfg(feature = "tls")]
+                tls: tls.is_some(),
+            });
+            return Ok((Self { stun, own }, None));
+        }
         let Some(turn) = &config.turn else {
             return Ok((Self { stun, own: None }, None));
         };
-        let key = turn_key(&config.secret);
-        let mut settings = turn_server::Config::new(turn.listen, key.clone());
-        settings.external = turn.external;
-        settings.private_peers = turn.private_peers;
-        settings.limits = turn.limits.clone();
         #[cfg(not(feature = "tls"))]
-        let tls = false;
+        let has_tls = false;
         #[cfg(feature = "tls")]
-        let tls = {
-            settings.tls = tls.map(for_turn);
-            settings.tls.is_some()
-        };
-        let server = TurnServer::start(settings)?;
-        let port = server.address().port();
+        let has_tls = tls.is_some();
+        let server = turn::start(
+            key.clone(),
+            turn,
+            #[cfg(feature = "tls")]
+            tls,
+        )?;
         let named = turn.external.or(Some(turn.listen.ip()));
         let host = named
             .filter(|ip| !ip.is_unspecified())
-            .or_else(|| own_address(Ipv4Addr::UNSPECIFIED.into()));
-        let host = host.map(|ip| ip.to_string());
+            .map(|ip| ip.to_string())
+            .or_else(this_machine);
         let own = Some(Own {
             host,
-            port,
+            is_elsewhere: false,
+            port: server.address().port(),
             key,
-            tls,
+            tls: has_tls,
         });
         Ok((Self { stun, own }, Some(server)))
     }
@@ -81,7 +94,9 @@ impl Ice {
     /// What the bearer of a token that ends at `expires` (Unix seconds) is told. This server's own relay has the name by which the bearer
     /// reached this server, from the request's headers: what is told there to a bearer that lies reaches nobody else.
     pub(crate) fn servers(&self, headers: &HeaderMap, room: Id, expires: u64) -> IceServers {
-        self.servers_at(host(headers), room, expires)
+        let elsewhere = self.own.as_ref().filter(|own| own.is_elsewhere);
+        let host = elsewhere.map_or_else(|| host(headers), |own| own.host.clone());
+        self.servers_at(host, room, expires)
     }
 
     /// What this server's own forwarder uses: nothing of what clients say.
@@ -135,12 +150,9 @@ impl Ice {
     }
 }
 
-/// The certificate without HTTP's protocols, which a TURN client does not offer.
-#[cfg(feature = "tls")]
-fn for_turn(tls: Arc<rustls::ServerConfig>) -> Arc<rustls::ServerConfig> {
-    let mut tls = Arc::unwrap_or_clone(tls);
-    tls.alpn_protocols = vec![b"stun.turn".to_vec()];
-    Arc::new(tls)
+/// This machine's address for others.
+fn this_machine() -> Option<String> {
+    own_address(Ipv4Addr::UNSPECIFIED.into()).map(|ip| ip.to_string())
 }
 
 /// The address that packets to the world leave from, of those that `any` stands for. Nothing is sent: connecting a UDP socket only chooses it. 192.0.2.1 is

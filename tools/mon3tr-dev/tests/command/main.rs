@@ -1,5 +1,6 @@
 //! The command as developers and operators meet it.
 
+mod apart;
 mod avatar;
 mod bench;
 mod canary;
@@ -11,5 +12,6 @@ mod soak;
 #[path = "../../../mon3tr/tests/command/support.rs"]
 #[allow(dead_code, reason = "shared with the tests of mon3tr")]
 mod support;
+mod units;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_mon3tr-dev");
