@@ -7,7 +7,7 @@ declare -A first_build=([mon3tr]="355 16" [mon3tr-dev]="400 20")
 # program_of COMMAND: the program that has it. What developers and operators need is not built for a first picture.
 program_of() {
 	case $1 in
-	serve | audience | bench | netlab | soak | capture | reconstruct | eval | apk) echo mon3tr-dev ;;
+	serve | relay | forwarder | audience | canary | bench | netlab | soak | capture | reconstruct | eval | apk) echo mon3tr-dev ;;
 	*) echo mon3tr ;;
 	esac
 }

@@ -57,6 +57,26 @@ impl Program {
         }
     }
 
+    /// The system's number of it.
+    #[must_use]
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// The memory that it has now, bytes.
+    ///
+    /// # Panics
+    /// If it has ended.
+    #[must_use]
+    pub fn resident_memory(&self) -> u64 {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.id()));
+        let status = status.expect("it runs");
+        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+        let kilobytes = line.and_then(|line| line.trim().strip_suffix(" kB"));
+        let kilobytes = kilobytes.and_then(|it| it.trim().parse::<u64>().ok());
+        kilobytes.expect("a size") << 10
+    }
+
     /// All that it has printed and logged so far.
     #[must_use]
     pub fn said(&self) -> String {

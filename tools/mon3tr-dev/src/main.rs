@@ -10,6 +10,7 @@ extern crate mon3tr;
 mod apk;
 mod audience;
 mod bench;
+mod canary;
 mod capture;
 mod eval;
 mod netlab;
@@ -18,6 +19,8 @@ mod soak;
 mod usage;
 
 use clap::{Parser, Subcommand};
+#[cfg(unix)]
+use mon3tr::commands::serve::{forwarder, relay};
 use mon3tr::program::{self, SharedOptions};
 use std::process::ExitCode;
 
@@ -41,14 +44,22 @@ enum Command {
     Audience(audience::Options),
     /// Time drawing and sorting on this machine
     Bench(bench::Options),
+    /// Hold a call through a running server, and say whether it works, or which step fails
+    Canary(canary::Options),
     /// Captures of a person: imported from videos, made up for tests, looked at
     Capture(capture::Options),
     /// Measure against the truth: a camera's motion, avatars of scans, avatars of pictures
     Eval(eval::Options),
+    /// Forward to the viewers of a server on this machine, in a process of its own
+    #[cfg(unix)]
+    Forwarder(forwarder::Options),
     /// Measure calls over networks of any quality, all on this machine
     Netlab(netlab::Options),
     /// Train an avatar from a capture's pictures
     Reconstruct(reconstruct::Options),
+    /// Relay the calls of a server that find no direct way, in a process of its own
+    #[cfg(unix)]
+    Relay(relay::Options),
     /// Hold a long call on this machine, and tell whether it takes more and more: memory, descriptors, threads, time
     Soak(soak::Options),
 }
@@ -61,10 +72,15 @@ fn main() -> ExitCode {
         Command::Apk(options) => apk::run(options),
         Command::Audience(options) => audience::run(options),
         Command::Bench(options) => bench::run(options, device),
+        Command::Canary(options) => canary::run(options),
         Command::Capture(options) => capture::run(options, device),
         Command::Eval(options) => eval::run(options, device),
+        #[cfg(unix)]
+        Command::Forwarder(options) => forwarder::run(options),
         Command::Netlab(options) => netlab::run(options),
         Command::Reconstruct(options) => reconstruct::run(options, device),
+        #[cfg(unix)]
+        Command::Relay(options) => relay::run(options),
         Command::Soak(options) => soak::run(options, device),
     })
 }

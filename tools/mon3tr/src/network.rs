@@ -32,6 +32,12 @@ impl Network {
         self.0.handle().clone()
     }
 
+    /// Runs `task` beside others.
+    #[cfg(all(feature = "operator", unix))]
+    pub(crate) fn spawn(&self, task: impl Future<Output = ()> + Send + 'static) {
+        self.0.spawn(task);
+    }
+
     /// Runs `task` to its end.
     pub fn block_on<T>(&self, task: impl Future<Output = T>) -> T {
         self.0.block_on(task)

@@ -12,7 +12,8 @@ use std::sync::Arc;
 pub(crate) struct Admission {
     pub(crate) revoked: Arc<Revoked>,
     pub(crate) blocked: Arc<Blocked>,
-    pub(crate) rooms: Arc<Rooms>,
+    /// Of this instance; a relay in a process of its own has no rooms.
+    pub(crate) rooms: Option<Arc<Rooms>>,
 }
 
 impl turn_server::Admission for Admission {
@@ -22,7 +23,8 @@ impl turn_server::Admission for Admission {
             return false;
         }
         // A sender may have revoked a guest's own token.
-        let sender = Id::parse(room).and_then(|room| self.rooms.presence(room));
+        let sender = (self.rooms.as_ref().zip(Id::parse(room)))
+            .and_then(|(rooms, room)| rooms.presence(room));
         !sender.is_some_and(|sender| sender.has_revoked(names.next()))
     }
 
@@ -52,7 +54,7 @@ mod tests {
         let admission = Admission {
             revoked: Arc::new(Revoked::open(Some(revoked.clone()))?),
             blocked: Arc::new(Blocked::open(Some(blocked.clone()))?),
-            rooms: Arc::new(Rooms::new(limits, Arc::new(Metrics::new()))),
+            rooms: Some(Arc::new(Rooms::new(limits, Arc::new(Metrics::new())))),
         };
         let [room, viewer, owner] = [Id::random()?, Id::random()?, Id::random()?];
         let room = room.to_string();

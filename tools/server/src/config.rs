@@ -1,6 +1,7 @@
 //! A server's configuration, with every bound it keeps.
 
 use crate::limit_values::{seconds, whole};
+use crate::turn_at::TurnAt;
 use crate::{Forwarding, Secret};
 use link_protocol::ice::IceUrl;
 use link_protocol::limits::{ANSWER_WITHIN, MAX_PACKAGE_BYTES, MAX_SDP_BYTES};
@@ -27,6 +28,8 @@ pub struct Config {
     pub stun: Vec<IceUrl>,
     /// Relay calls that find no direct way.
     pub turn: Option<TurnConfig>,
+    /// The relay of another process, which has the same secret. Where there is one, `turn` is not used.
+    pub turn_at: Option<TurnAt>,
     /// What takes viewers whom their senders hand over, if anything does.
     pub forwarding: Option<Arc<dyn Forwarding>>,
     /// Certificate chain and private key, PEM files; without them the server speaks plain HTTP.
@@ -52,6 +55,7 @@ impl Config {
             nats: None,
             stun: Vec::new(),
             turn: None,
+            turn_at: None,
             forwarding: None,
             #[cfg(feature = "tls")]
             tls: None,

@@ -2,7 +2,7 @@
 //! credentials for the room.
 
 use crate::token::{Claims, Role, now, turn_key};
-use crate::{Config, Id, ServerError};
+use crate::{Config, Id, ServerError, turn};
 use axum::http::uri::Authority;
 use axum::http::{HeaderMap, header};
 use link_protocol::IceServers;
@@ -30,6 +30,8 @@ pub(crate) struct Ice {
 struct Own {
     /// By which it is reached, as far as it is known here.
     host: Option<String>,
+    /// That is its name for callers, too: it is on another host than the signaling.
+    is_elsewhere: bool,
     port: u16,
     key: Key,
     tls: bool,
@@ -44,34 +46,46 @@ impl Ice {
         #[cfg(feature = "tls")] tls: Option<Arc<rustls::ServerConfig>>,
     ) -> Result<(Self, Option<Arc<TurnServer>>), ServerError> {
         let stun = config.stun.iter().map(ToString::to_string).collect();
+        let key = turn_key(&config.secret);
+        if let Some(at) = &config.turn_at {
+            let own = Some(Own {
+                host: at.host.clone().or_else(this_machine),
+                is_elsewhere: at.host.is_some(),
+                port: at.port,
+                key,
+                #[cfg(not(feature = "tls"))]
+                tls: false,
+                #[cfg(feature = "tls")]
+                tls: tls.is_some(),
+                server: Weak::new(),
+            });
+            return Ok((Self { stun, own }, None));
+        }
         let Some(turn) = &config.turn else {
             return Ok((Self { stun, own: None }, None));
         };
-        let key = turn_key(&config.secret);
-        let mut settings = turn_server::Config::new(turn.listen, key.clone());
-        settings.external = turn.external;
-        settings.private_peers = turn.private_peers;
-        settings.limits = turn.limits.clone();
-        settings.admission = admission;
         #[cfg(not(feature = "tls"))]
-        let tls = false;
+        let has_tls = false;
         #[cfg(feature = "tls")]
-        let tls = {
-            settings.tls = tls.map(for_turn);
-            settings.tls.is_some()
-        };
-        let server = Arc::new(TurnServer::start(settings)?);
-        let port = server.address().port();
+        let has_tls = tls.is_some();
+        let server = Arc::new(turn::start(
+            key.clone(),
+            turn,
+            admission,
+            #[cfg(feature = "tls")]
+            tls,
+        )?);
         let named = turn.external.or(Some(turn.listen.ip()));
         let host = named
             .filter(|ip| !ip.is_unspecified())
-            .or_else(|| own_address(Ipv4Addr::UNSPECIFIED.into()));
-        let host = host.map(|ip| ip.to_string());
+            .map(|ip| ip.to_string())
+            .or_else(this_machine);
         let own = Some(Own {
             host,
-            port,
+            is_elsewhere: false,
+            port: server.address().port(),
             key,
-            tls,
+            tls: has_tls,
             server: Arc::downgrade(&server),
         });
         Ok((Self { stun, own }, Some(server)))
@@ -95,7 +109,7 @@ impl Ice {
             Role::Member => relay::Role::Member,
             Role::Viewer | Role::Owner => relay::Role::Viewer,
         };
-        self.servers_at(host(headers), room, role, Some(claims))
+        self.servers_at(self.host(headers), room, role, Some(claims))
     }
 
     /// The same for who is present in the room as its sender.
@@ -105,7 +119,14 @@ impl Ice {
         room: Id,
         claims: &Claims,
     ) -> IceServers {
-        self.servers_at(host(headers), room, relay::Role::Sender, Some(claims))
+        let host = self.host(headers);
+        self.servers_at(host, room, relay::Role::Sender, Some(claims))
+    }
+
+    /// By which the bearer reaches the relay: its own name, or that of this server in the request's headers.
+    fn host(&self, headers: &HeaderMap) -> Option<String> {
+        let elsewhere = self.own.as_ref().filter(|own| own.is_elsewhere);
+        elsewhere.map_or_else(|| host(headers), |own| own.host.clone())
     }
 
     /// What this server's own forwarder uses: nothing of what clients say.
@@ -176,12 +197,9 @@ impl Ice {
     }
 }
 
-/// The certificate without HTTP's protocols, which a TURN client does not offer.
-#[cfg(feature = "tls")]
-fn for_turn(tls: Arc<rustls::ServerConfig>) -> Arc<rustls::ServerConfig> {
-    let mut tls = Arc::unwrap_or_clone(tls);
-    tls.alpn_protocols = vec![b"stun.turn".to_vec()];
-    Arc::new(tls)
+/// This machine's address for others.
+fn this_machine() -> Option<String> {
+    own_address(Ipv4Addr::UNSPECIFIED.into()).map(|ip| ip.to_string())
 }
 
 /// The address that packets to the world leave from, of those that `any` stands for. Nothing is sent: connecting a UDP socket only chooses it. 192.0.2.1 is

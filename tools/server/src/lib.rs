@@ -27,6 +27,8 @@ mod server;
 #[cfg(feature = "tls")]
 mod tls;
 mod token;
+mod turn;
+mod turn_at;
 
 pub use config::{Config, Limits, StoreConfig, TurnConfig};
 pub use error::ServerError;
@@ -37,3 +39,6 @@ pub use revoked::revoke;
 pub use secret::Secret;
 pub use server::Server;
 pub use token::now;
+#[cfg(feature = "tls")]
+pub use turn::Relay;
+pub use turn_at::TurnAt;

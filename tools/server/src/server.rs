@@ -82,7 +82,7 @@ impl Server {
         let admission = Arc::new(Admission {
             revoked: Arc::clone(&revoked),
             blocked: Arc::clone(&blocked),
-            rooms: Arc::clone(&rooms),
+            rooms: Some(Arc::clone(&rooms)),
         });
         let gate = Gate::new(
             limits.connections,

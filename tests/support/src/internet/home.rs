@@ -157,6 +157,24 @@ impl Home {
         self.public
     }
 
+    /// Has the router lose so many of a hundred UDP packets, each way.
+    ///
+    /// # Panics
+    /// If that fails, or there is no router.
+    pub fn lose(&self, percent: u32) {
+        let router = self.router.as_ref().expect("a home with a router");
+        let rules = format!(
+            r#"table ip loss {{
+                chain forward {{
+                    type filter hook forward priority -1
+                    meta l4proto udp numgen random mod 100 < {percent} drop
+                }}
+            }}
+            "#
+        );
+        router.nft(&rules).unwrap_or_else(|why| panic!("{why}"));
+    }
+
     /// Gives the machine another address and takes the one it had, as where it goes from one network of the house to another.
     ///
     /// # Panics

@@ -14,7 +14,7 @@ pub(crate) mod render;
 pub(crate) mod rig;
 pub mod send;
 mod send_memory;
-pub(crate) mod serve;
+pub mod serve;
 pub(crate) mod track;
 
 use crate::device_options::DeviceOptions;

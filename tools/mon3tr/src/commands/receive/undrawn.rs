@@ -2,7 +2,8 @@
 
 use crate::until::Until;
 use app_session::participant::{CallReport, Origin, Participant};
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::thread::ScopedJoinHandle;
 use std::time::Duration;
 
 /// How long to wait at most before looking whether it is time to leave.
@@ -22,15 +23,34 @@ pub(super) fn next(newcomers: &Receiver<Participant>, until: &Until) -> Option<P
 
 /// Takes the frames of all `people`, each from when they come, until it is over or there are no more of them.
 pub(super) fn run(people: impl Iterator<Item = Participant>, until: &Until) -> Vec<CallReport> {
+    // By the number of the person.
+    let (ended, reports) = channel();
     std::thread::scope(|scope| {
-        let calls: Vec<_> = people
-            .map(|person| scope.spawn(move || follow(&person, until)))
-            .collect();
-        calls
-            .into_iter()
-            .filter_map(|call| call.join().unwrap_or_default())
-            .collect()
-    })
+        let mut live: Vec<ScopedJoinHandle<'_, ()>> = Vec::new();
+        for (number, person) in people.enumerate() {
+            // A thread that has ended keeps its stack until it is joined.
+            for handle in live.extract_if(.., |handle| handle.is_finished()) {
+                joined(handle);
+            }
+            let ended = ended.clone();
+            live.push(scope.spawn(move || {
+                // The receiver outlives the scope.
+                let _ = ended.send((number, follow(&person, until)));
+            }));
+        }
+        live.into_iter().for_each(joined);
+    });
+    let mut reports: Vec<_> = reports.try_iter().collect();
+    reports.sort_by_key(|(number, _)| *number);
+    reports
+        .into_iter()
+        .filter_map(|(_, report)| report)
+        .collect()
+}
+
+/// A panic has been written to standard error; the others go on.
+fn joined(handle: ScopedJoinHandle<'_, ()>) {
+    let _ = handle.join();
 }
 
 /// Takes a person's frames until it is over; nothing of one who is in no room.

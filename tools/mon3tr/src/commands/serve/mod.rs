@@ -1,10 +1,16 @@
 //! `mon3tr serve`: signaling and avatar store for calls.
 
+#[cfg(all(feature = "operator", unix))]
+pub mod forwarder;
 mod forwarding;
 mod owners;
 
 #[cfg(feature = "operator")]
 mod operator;
+#[cfg(all(feature = "operator", unix))]
+pub mod relay;
+#[cfg(all(feature = "operator", unix))]
+mod watchdog;
 
 use crate::device_options::make_folder;
 use crate::network::{Network, asked_to_end};
@@ -132,6 +138,8 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
         config.forwarding = Some(Arc::new(Forwarder::new(address, viewers)));
     }
     let network = Network::start()?;
+    #[cfg(all(feature = "operator", unix))]
+    network.spawn(async { match watchdog::report().await {} });
     network.block_on(async {
         let mut server = Server::start(config).await.context("cannot serve")?;
         let address = SocketAddr::new(reachable(options.listen.ip()), server.address().port());

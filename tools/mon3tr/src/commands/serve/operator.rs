@@ -1,8 +1,12 @@
 //! What an operator may want of a server besides a folder of packages and plain HTTP.
 
+#[cfg(unix)]
+use super::forwarder::Apart;
 use anyhow::Context;
-use server::{Config, Limits, StoreConfig};
+use server::{Config, Limits, StoreConfig, TurnAt};
 use std::path::PathBuf;
+#[cfg(unix)]
+use std::sync::Arc;
 
 /// Options of `serve` that only `mon3tr-dev` has.
 #[derive(Debug, clap::Args)]
@@ -32,6 +36,13 @@ pub(super) struct OperatorOptions {
     /// All requests come through a proxy, which adds clients' addresses to X-Forwarded-For; nobody else may reach this server
     #[arg(long)]
     behind_proxy: bool,
+    /// Name the relay of another process, `mon3tr-dev relay`, to callers: at this port of this server's own name, or of another host
+    #[arg(long, value_name = "[HOST:]PORT", conflicts_with = "turn")]
+    turn_at: Option<TurnAt>,
+    /// Have another process on this machine, `mon3tr-dev forwarder`, forward to viewers: the Unix socket on which it waits
+    #[cfg(unix)]
+    #[arg(long, value_name = "SOCKET", conflicts_with = "forward")]
+    forward_at: Option<PathBuf>,
 }
 
 impl OperatorOptions {
@@ -52,6 +63,11 @@ impl OperatorOptions {
             };
         }
         config.nats.clone_from(&self.nats);
+        config.turn_at.clone_from(&self.turn_at);
+        #[cfg(unix)]
+        if let Some(socket) = &self.forward_at {
+            config.forwarding = Some(Arc::new(Apart::new(socket.clone())));
+        }
         config.tls = self.tls_cert.clone().zip(self.tls_key.clone());
         Ok(())
     }

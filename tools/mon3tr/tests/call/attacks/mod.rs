@@ -8,6 +8,7 @@ mod hang_up;
 mod membership;
 mod packets;
 mod secrets;
+mod soak;
 
 /// How often an attack is repeated, or how many seconds it lasts: `bounded` among the other tests, `whole` by `./run attacks`.
 pub(crate) fn extent(bounded: u32, whole: u32) -> u32 {

@@ -1,0 +1,284 @@
+//! A call of two for an hour, while visitors come and go, packets are lost, addresses change, the server's disk fills up and a member's clock is set: it stays, and takes no
+//! more memory.
+
+use super::extent;
+use crate::command::json;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+use synthetic_person::{Puppet, PuppetSize};
+use tempfile::TempDir;
+use test_support::internet::{Home, HomeKind, Internet, SERVER};
+use test_support::program::{Program, through_runner};
+use test_support::service::LONGEST_WAIT;
+
+/// Of the whole, minutes; of the bounded form as many seconds for each fault as this has seconds a minute.
+const MINUTES: u32 = 60;
+const BOUNDED_SECONDS: u32 = 75;
+
+/// Of all UDP packets at each member's router.
+const LOST_PERCENT: u32 = 2;
+
+/// The server's disk.
+const DISK_MB: u64 = 24;
+
+/// What a member may grow by in an hour once it is warm, bytes; in the bounded form, whose start is part of it, more.
+const GROWTH: u64 = 1 << 20;
+const GROWTH_BOUNDED: u64 = 6 << 20;
+
+/// The longest without motion for one fault.
+const INTERRUPTED: f64 = 10.0;
+
+/// How far a clock is set, as libfaketime reads it.
+const STEPS: [&str; 3] = ["+1800", "-1800", "+0"];
+
+/// The members' networks, the server and its disk.
+struct World {
+    // Dropped in this order.
+    server: Program,
+    folder: TempDir,
+    ada: Home,
+    bob: Home,
+    visitors: Home,
+    _internet: Internet,
+    avatar: PathBuf,
+    /// `libfaketime.so.1`, where there is one, and the file that it reads.
+    faketime: Option<(String, PathBuf)>,
+}
+
+impl World {
+    fn open() -> Option<Self> {
+        let mut internet = Internet::open()?;
+        let folder = tempfile::tempdir().expect("a folder");
+        let avatar = folder.path().join("puppet.m3a");
+        Puppet::small().avatar().save(&avatar).expect("a package");
+        let data = folder.path().join("server");
+        std::fs::create_dir(&data).expect("a folder");
+        // A disk of its own.
+        let mut serve = Command::new("unshare");
+        let mount = format!("mount -t tmpfs -o size={DISK_MB}m tmpfs \"$0\" && exec \"$@\"");
+        serve.args(["--mount", "sh", "-c", &mount]).arg(&data);
+        serve
+            .arg(crate::PROGRAM)
+            .args(["serve", "--insecure", "--listen", "0.0.0.0:8080"]);
+        serve.args(["--turn", "0.0.0.0:3478", "--data"]).arg(&data);
+        serve.env("MON3TR_CACHE", folder.path().join("cache"));
+        let mut server = Program::start(&mut internet.server().enter(&serve));
+        server.says("serving on http://", 1);
+        let [ada, bob, visitors] = [(); 3].map(|()| internet.home(HomeKind::Cone));
+        ada.lose(LOST_PERCENT);
+        bob.lose(LOST_PERCENT);
+        let faketime = std::env::var("MON3TR_FAKETIME").ok();
+        let clock = folder.path().join("clock");
+        std::fs::write(&clock, "+0").expect("it is written");
+        Some(Self {
+            server,
+            ada,
+            bob,
+            visitors,
+            _internet: internet,
+            avatar,
+            faketime: faketime.map(|library| (library, clock)),
+            folder,
+        })
+    }
+
+    /// A path on the server's disk, as this process reaches it.
+    fn on_disk(&self, name: &str) -> PathBuf {
+        let root = PathBuf::from(format!("/proc/{}/root", self.server.id()));
+        let data = self.folder.path().join("server").join(name);
+        root.join(data.strip_prefix("/").expect("absolute"))
+    }
+
+    fn command(&self, name: &str, arguments: &[&str]) -> Command {
+        let token = std::fs::read_to_string(self.on_disk("owner-token")).expect("a token");
+        let files = self.folder.path().join(name);
+        let mut command = through_runner(crate::PROGRAM);
+        command
+            .args(arguments)
+            .arg("--insecure")
+            .env("MON3TR_CACHE", files.join("cache"))
+            .env("MON3TR_KEY", files.join("key"))
+            .env("MON3TR_OWNER_TOKEN", token.trim())
+            .env("PULSE_SERVER", "unix:/no-sound-server");
+        command
+    }
+
+    /// A member of a call, who opens it without a link.
+    fn member(&self, home: &Home, name: &str, link: Option<&str>, arguments: &[&str]) -> Program {
+        let (report, server) = (self.report(name), format!("http://{SERVER}:8080"));
+        let mut words = vec!["call"];
+        match link {
+            Some(link) => words.push(link),
+            None => words.extend(["--server", &server]),
+        }
+        let (avatar, report) = (path(&self.avatar), path(&report));
+        words.extend([
+            "--name",
+            name,
+            "--avatar",
+            avatar,
+            "--display",
+            "none",
+            "--json",
+            report,
+        ]);
+        words.extend(arguments);
+        let mut command = self.command(name, &words);
+        if let (None, Some((library, clock))) = (link, &self.faketime) {
+            command
+                .env("LD_PRELOAD", library)
+                .env("FAKETIME_TIMESTAMP_FILE", clock)
+                .env("FAKETIME_NO_CACHE", "1")
+                .env("FAKETIME_DONT_FAKE_MONOTONIC", "1");
+        }
+        Program::start(home.machine().enter(&command).stdin(Stdio::null()))
+    }
+
+    fn report(&self, name: &str) -> PathBuf {
+        self.folder.path().join(format!("{name}.json"))
+    }
+
+    /// Fills the server's disk; it is full until the file is removed.
+    fn fill_disk(&self) -> PathBuf {
+        let file = self.on_disk("fills-the-disk");
+        let bytes = vec![0; (DISK_MB << 20) as usize];
+        std::fs::write(&file, bytes).expect_err("the disk is smaller");
+        file
+    }
+
+    /// That a package which the server does not have is put, or is not because the disk is full.
+    fn put(&self, number: usize, is_full: bool) {
+        let package = self.folder.path().join(format!("other-{number}.m3a"));
+        let size = PuppetSize {
+            gaussians: 500 + number,
+            ..PuppetSize::SMALL
+        };
+        Puppet::new(size)
+            .avatar()
+            .save(&package)
+            .expect("a package");
+        let server = format!("http://{SERVER}:8080");
+        let words = ["send", "--server", &server, "--avatar", path(&package)];
+        let mut command = self
+            .visitors
+            .machine()
+            .enter(&self.command("other", &words));
+        let mut sender = Program::start(command.stdin(Stdio::null()));
+        if !is_full {
+            sender.says("mon3tr receive ", 1);
+            sender.end();
+            return;
+        }
+        let status = sender.ended_within(LONGEST_WAIT).expect("it ends");
+        let said = sender.said();
+        assert!(!status.success() && said.contains("is full"), "{said}");
+    }
+}
+
+fn path(path: &Path) -> &str {
+    path.to_str().expect("temporary paths are UTF-8")
+}
+
+/// What goes wrong in turn; where that takes a while, what ends it.
+fn harm(world: &mut World, turn: usize) -> Option<PathBuf> {
+    match turn % 4 {
+        0 => world.ada.move_machine(),
+        1 => world.bob.move_router(),
+        2 => {
+            let file = world.fill_disk();
+            world.put(turn, true);
+            return Some(file);
+        }
+        _ => {
+            let step = STEPS.get(turn / 4 % STEPS.len()).copied().unwrap_or("+0");
+            match &world.faketime {
+                Some((_, clock)) => std::fs::write(clock, step).expect("it is written"),
+                None => println!("skipped: no clock is set: MON3TR_FAKETIME names no libfaketime"),
+            }
+        }
+    }
+    None
+}
+
+#[test]
+fn a_call_stays_as_it_was_through_losses_moves_a_full_disk_and_clock_steps() {
+    let Some(mut world) = World::open() else {
+        return;
+    };
+    let seconds = extent(BOUNDED_SECONDS, MINUTES * 60);
+    let is_whole = seconds > BOUNDED_SECONDS;
+    let mut ada = world.member(&world.ada, "Ada", None, &[]);
+    let link = ada.word_after("mon3tr call ");
+    let mut bob = world.member(&world.bob, "Bob", Some(&link), &[]);
+    ada.says("Bob", 1);
+    bob.says("Ada", 1);
+    let (begun, length) = (Instant::now(), Duration::from_secs(seconds.into()));
+    // A turn for each fault in the bounded form, several of each in the whole.
+    let turn_length = if is_whole {
+        Duration::from_secs(150)
+    } else {
+        length / 5
+    };
+    let warm = length / 5;
+    let mut first: Option<[u64; 2]> = None;
+    let (mut turns, mut visits) = (0_usize, 0_u32);
+    let mut disk: Option<PathBuf> = None;
+    while begun.elapsed() < length {
+        if begun.elapsed() >= turn_length * (u32::try_from(turns).expect("few") + 1) {
+            if let Some(file) = disk.take() {
+                std::fs::remove_file(file).expect("it is there");
+                world.put(turns, false);
+            }
+            disk = harm(&mut world, turns);
+            turns += 1;
+        }
+        visits += 1;
+        let name = format!("Visitor{visits}");
+        let mut visitor = world.member(&world.visitors, &name, Some(&link), &["--seconds", "3"]);
+        let ended = visitor.ended_within(LONGEST_WAIT).expect("it ends");
+        assert!(ended.success(), "a visit failed:\n{}", visitor.said());
+        let memory = [&ada, &bob].map(Program::resident_memory);
+        if begun.elapsed() > warm {
+            first.get_or_insert(memory);
+        }
+        println!(
+            "{:.0} s: {visits} visits, {turns} faults, {memory:?} bytes",
+            begun.elapsed().as_secs_f64()
+        );
+        std::thread::sleep(Duration::from_secs(if is_whole { 5 } else { 1 }));
+    }
+    let last = [&ada, &bob].map(Program::resident_memory);
+    let first = first.expect("it was warm once");
+    let most = if is_whole { GROWTH } else { GROWTH_BOUNDED };
+    for (name, (first, last)) in ["Ada", "Bob"].iter().zip(first.iter().zip(last)) {
+        assert!(
+            last <= first + most,
+            "{name} grew from {first} to {last} bytes"
+        );
+    }
+    assert!(turns >= 4, "each fault at least once: {turns}");
+    for (name, member) in [("Ada", &mut ada), ("Bob", &mut bob)] {
+        let status = member.end();
+        assert!(status.success(), "{name}:\n{}", member.said());
+        assert_stayed(name, &json(&world.report(name)), turns);
+    }
+}
+
+/// That the call with the first person went on through all of it.
+fn assert_stayed(name: &str, report: &Value, turns: usize) {
+    let call = &report["received"]["call"];
+    let without = call["seconds_without_motion"].as_f64().expect("a figure");
+    let most = INTERRUPTED * turns as f64;
+    assert!(
+        without < most,
+        "{name} saw nothing for {without} s: {call:#}"
+    );
+    let [released, lost] = ["released", "lost"].map(|key| call[key].as_u64().expect("a figure"));
+    assert!(released > 0, "{name} saw nothing: {call:#}");
+    assert!(
+        lost < released / 10,
+        "{name} lost {lost} of {released}: {call:#}"
+    );
+}
