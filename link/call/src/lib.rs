@@ -54,6 +54,7 @@ mod plan;
 mod privacy;
 mod proof;
 pub mod reach;
+mod scope;
 mod sdp;
 mod seal;
 mod seats;
