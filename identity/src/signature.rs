@@ -23,6 +23,8 @@ pub enum Purpose {
     Seal,
     /// What a guest's secret is made of; such a signature is shown to nobody.
     Guest,
+    /// What a sender is called, on a connection to one viewer.
+    Name,
 }
 
 impl Purpose {
@@ -36,6 +38,7 @@ impl Purpose {
             Self::Permit => b"mon3tr permit 1\n",
             Self::Seal => b"mon3tr seal 1\n",
             Self::Guest => b"mon3tr guest 1\n",
+            Self::Name => b"mon3tr name 1\n",
         };
         [name, text].concat()
     }

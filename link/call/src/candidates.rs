@@ -1,5 +1,6 @@
 //! Which of the other side's ICE candidates are tried: each is an address to which this side sends, by the word of whoever made the offer.
 
+use crate::sdp::{Candidate, Host};
 use std::collections::BTreeSet;
 use std::net::{IpAddr, SocketAddr};
 
@@ -9,33 +10,24 @@ const MOST: usize = 16;
 /// Private addresses among them, at most: two people in one network find each other, but nobody has this side look through its own network.
 const MOST_PRIVATE: usize = 4;
 
-/// The description with the candidates that may be tried. `is_local`: this side is on its machine's loopback only, and so may the other be.
-pub(crate) fn screened(sdp: &str, is_local: bool) -> String {
+/// Those that are tried. `is_local`: this side is on its machine's loopback only, and so may the other be.
+pub(crate) fn screened(candidates: &[Candidate], is_local: bool) -> Vec<&Candidate> {
     let mut private = BTreeSet::new();
-    let mut tried = 0;
-    let mut is_kept = |line: &str| {
-        let Some(candidate) = line.strip_prefix("a=candidate:") else {
-            return true;
-        };
-        // RFC 8839, section 5.1: foundation, component, transport, priority, address, port.
-        let mut words = candidate.split_ascii_whitespace().skip(4);
-        let (Some(address), Some(port)) = (words.next(), words.next()) else {
-            return false;
-        };
-        let is_wanted = match address.parse::<IpAddr>() {
-            Ok(ip) => is_unicast(ip, is_local) && (!is_private(ip) || private.insert(ip)),
-            // A browser's name for an address of its own network.
-            Err(_) => address.ends_with(".local"),
-        };
-        let has_port = port.parse::<u16>().is_ok_and(|port| port > 0);
-        if !is_wanted || !has_port || tried >= MOST || private.len() > MOST_PRIVATE {
+    let may_be_tried = |candidate: &&Candidate| {
+        // RTP and RTCP share one component, and the library has no TCP.
+        let is_usable = candidate.component == 1 && candidate.is_udp && candidate.port > 0;
+        if !is_usable || candidate.kind.is_empty() {
             return false;
         }
-        tried += 1;
-        true
+        let is_private = match &candidate.host {
+            Host::Ip(ip) if !is_unicast(*ip, is_local) => return false,
+            Host::Ip(ip) => is_private(*ip),
+            Host::Mdns(_) => true,
+            Host::Name => return false,
+        };
+        !is_private || (private.len() < MOST_PRIVATE && private.insert(candidate.host.clone()))
     };
-    let lines = sdp.split_inclusive('\n');
-    lines.filter(|line| is_kept(line)).collect()
+    candidates.iter().filter(may_be_tried).take(MOST).collect()
 }
 
 /// Whether one machine has the address, and another may be sent to it.
@@ -54,7 +46,7 @@ fn is_unicast(ip: IpAddr, is_local: bool) -> bool {
 }
 
 /// Whether the address is one of a network that the internet does not reach.
-fn is_private(ip: IpAddr) -> bool {
+pub(crate) fn is_private(ip: IpAddr) -> bool {
     match ip.to_canonical() {
         IpAddr::V4(ip) => ip.is_private() || ip.is_link_local() || ip.is_loopback(),
         IpAddr::V6(ip) => ip.is_unique_local() || ip.is_unicast_link_local() || ip.is_loopback(),
@@ -69,21 +61,20 @@ pub(crate) fn has_loopback(addresses: &[SocketAddr]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sdp::{Description, tests::offer};
 
-    fn offer(addresses: &[&str]) -> String {
-        let lines = addresses.iter().enumerate().map(|(number, address)| {
-            format!("a=candidate:{number} 1 udp 2130706431 {address} 5000 typ host\r\n")
-        });
-        let candidates: String = lines.collect();
-        format!("v=0\r\nm=application 9\r\n{candidates}a=end-of-candidates\r\n")
+    fn tried(lines: &[String], is_local: bool) -> Vec<String> {
+        let lines = lines.iter().map(|line| format!("a=candidate:{line}\r\n"));
+        let offer = Description::read(&offer(&lines.collect::<String>())).expect("an offer");
+        let tried = screened(&offer.candidates, is_local);
+        tried.into_iter().map(|it| it.host.to_string()).collect()
     }
 
     fn kept(addresses: &[&str], is_local: bool) -> Vec<String> {
-        let sdp = screened(&offer(addresses), is_local);
-        assert!(sdp.starts_with("v=0") && sdp.ends_with("a=end-of-candidates\r\n"));
-        let lines = sdp.lines().filter(|line| line.starts_with("a=candidate:"));
-        let address = |line: &str| line.split(' ').nth(4).expect("an address").to_owned();
-        lines.map(address).collect()
+        let lines = addresses.iter().enumerate();
+        let lines =
+            lines.map(|(n, address)| format!("{n} 1 udp 2130706431 {address} 5000 typ host"));
+        tried(&lines.collect::<Vec<_>>(), is_local)
     }
 
     #[test]
@@ -101,18 +92,32 @@ mod tests {
 
     #[test]
     fn four_hundred_candidates_are_sixteen_and_a_network_is_not_looked_through() {
-        let public: Vec<String> = (0..400)
-            .map(|n| format!("203.0.{}.{}", n / 200, n % 200 + 1))
-            .collect();
-        let public: Vec<&str> = public.iter().map(String::as_str).collect();
-        assert_eq!(kept(&public, false).len(), MOST);
-        let private: Vec<String> = (1..=200).map(|n| format!("192.168.1.{n}")).collect();
-        let private: Vec<&str> = private.iter().map(String::as_str).collect();
-        assert_eq!(kept(&private, false).len(), MOST_PRIVATE);
+        let all = |address: &dyn Fn(usize) -> String| {
+            let all: Vec<String> = (0..400).map(address).collect();
+            kept(&all.iter().map(String::as_str).collect::<Vec<_>>(), false).len()
+        };
+        assert_eq!(all(&|n| format!("203.0.{}.{}", n / 200, n % 200 + 1)), MOST);
+        assert_eq!(
+            all(&|n| format!("10.0.{}.{}", n / 200, n % 200 + 1)),
+            MOST_PRIVATE
+        );
+        assert_eq!(
+            all(&|n| format!("n{n}.local")),
+            MOST_PRIVATE,
+            "names of a network"
+        );
+        let mut mixed: Vec<String> = (1..=9).map(|n| format!("192.168.1.{n}")).collect();
+        mixed.push("203.0.113.5".to_owned());
+        let mixed: Vec<&str> = mixed.iter().map(String::as_str).collect();
+        assert_eq!(
+            kept(&mixed, false).len(),
+            MOST_PRIVATE + 1,
+            "others are still tried"
+        );
     }
 
     #[test]
-    fn what_is_no_machines_address_is_left_out() {
+    fn an_address_that_no_other_machine_has_is_left_out() {
         let wrong = [
             "127.0.0.1",
             "::1",
@@ -122,7 +127,7 @@ mod tests {
             "ff02::fb",
             "::ffff:127.0.0.1",
             "internal.example",
-            "",
+            "a.b.local",
         ];
         assert!(kept(&wrong, false).is_empty());
         assert_eq!(
@@ -130,7 +135,16 @@ mod tests {
             2,
             "all on one machine"
         );
-        let zero = offer(&["203.0.113.5"]).replace(" 5000 ", " 0 ");
-        assert!(!screened(&zero, false).contains("candidate:"), "port 0");
+        for unusable in [
+            "1 1 udp 1 203.0.113.5 0 typ host",
+            "1 2 udp 1 203.0.113.5 5000 typ host",
+            "1 1 tcp 1 203.0.113.5 9 typ host tcptype active",
+            "1 1 udp 1 203.0.113.5 5000 typ other",
+        ] {
+            assert!(
+                tried(&[unusable.to_owned()], false).is_empty(),
+                "{unusable}"
+            );
+        }
     }
 }

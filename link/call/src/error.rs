@@ -1,6 +1,7 @@
 //! The errors of a call.
 
 use crate::plan::Relay;
+use crate::sdp::SdpError;
 use identity::IdentityError;
 use link_http::HttpError;
 use link_protocol::limits::MAX_PEOPLE;
@@ -106,9 +107,21 @@ pub enum CallError {
         "who the other side is cannot be told: {0}; someone on the way may have changed what it sent"
     )]
     Identity(#[from] IdentityError),
-    /// An offer or answer names no certificate.
-    #[error("an offer or answer has no fingerprint of a certificate, or too many")]
-    NoFingerprint,
+    /// An offer or answer cannot be read, or in more than one way.
+    #[error(
+        "what the other side says of its connection is refused ({0}): either its program does not follow docs/protocol.md, or the server or someone on the way changed it"
+    )]
+    Description(#[from] SdpError),
+    /// Packets pass, but DTLS does not come about with the certificate that was signed.
+    #[error(
+        "packets pass between the two sides, but the other one does not show the certificate that it signed: the server or someone on the way may be between you, or its program has stopped; nothing was sent or shown"
+    )]
+    NoHandshake,
+    /// The connection is with another certificate than the one that was signed.
+    #[error(
+        "the connection is with someone else than the one who signed its description: the server or someone on the way is between you; nothing was sent or shown"
+    )]
+    OtherCertificate,
     /// All seats of the call are taken.
     #[error("the call is full: it has {MAX_PEOPLE} seats, and all are taken")]
     Full,
@@ -179,6 +192,8 @@ impl CallError {
             | Self::WrongKey { .. }
             | Self::AnotherSender { .. }
             | Self::NotTheirAvatar { .. }
+            | Self::Description(_)
+            | Self::OtherCertificate
             | Self::Identity(_) => true,
             _ => false,
         }

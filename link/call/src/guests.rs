@@ -9,7 +9,7 @@ use link_protocol::{Guest, GuestPass, LinkSecret, Name, RoomLink};
 use ring::digest;
 
 /// What a guest shows in its offer: `GUEST MAC`.
-pub(crate) const LINE: &str = "a=mon3tr-guest:";
+const LINE: &str = "a=mon3tr-guest:";
 
 /// What the MAC's secret is of.
 const OF_GUEST: &str = "guest";

@@ -4,16 +4,19 @@
 //! A sender says so for one room, one avatar and one viewer's offer; so what one viewer got is of no use towards another. Lines that a program does not
 //! know are passed over (RFC 8866, section 5.13).
 
+use crate::sdp::{self, Description, Shown};
 use crate::visitor::Visitor;
 use crate::{CallError, guests, now, proof};
-use identity::{Identity, IdentityError, Keyring, Permit, PublicKey, Purpose};
+use data_encoding::BASE64URL_NOPAD;
+use identity::{Identity, IdentityError, Keyring, Permit, PublicKey, Purpose, Signature};
 use link_http::Client;
-use link_protocol::{Guest, GuestPass, Name, PackageId, Refusal, RoomLink};
+use link_protocol::{Guest, GuestPass, Name, PackageId, PersonName, Refusal, RoomLink};
 
-/// How the lines begin: the MAC; `KEY SIGNATURE`; and a permit as its text has it.
+/// How the lines begin: the MAC; `KEY SIGNATURE`; a permit as its text has it; and `NAME SIGNATURE`, the name in base64url.
 const LINK_LINE: &str = "a=mon3tr-link:";
 const KEY_LINE: &str = "a=mon3tr-key:";
 const PERMIT_LINE: &str = "a=mon3tr-permit:";
+const NAME_LINE: &str = "a=mon3tr-name:";
 
 /// What the MAC's secret is of.
 const OF_LINK: &str = "link";
@@ -21,14 +24,13 @@ const OF_LINK: &str = "link";
 /// The line of a server's forwarder in an answer: it has nothing to show, and what it hands on is sealed.
 const FORWARDER_LINE: &str = "a=mon3tr-forwarder";
 
-/// Certificates of one side, at most; WebRTC has one.
-const MOST_FINGERPRINTS: usize = 4;
-
 /// One's own key, with which a side introduces itself.
 #[derive(Debug, Clone)]
 pub struct Credentials {
     identity: Identity,
     permit: Option<Permit>,
+    /// What this side is called.
+    name: Option<PersonName>,
 }
 
 impl Credentials {
@@ -38,7 +40,14 @@ impl Credentials {
         Self {
             identity,
             permit: None,
+            name: None,
         }
+    }
+
+    /// The same key of a person who is called so: those who meet them read it, signed by the key.
+    #[must_use]
+    pub fn named(self, name: Option<PersonName>) -> Self {
+        Self { name, ..self }
     }
 
     /// This key, to drive an avatar with this signer; of `permits` one is taken, where the signer is another.
@@ -52,8 +61,16 @@ impl Credentials {
     ) -> Result<Self, CallError> {
         let key = identity.public();
         let permit = holding(permits, key).find(|permit| Some(permit.owner()) == signer);
-        Introduced { key, permit }.check_avatar(signer)?;
-        Ok(Self { identity, permit })
+        let introduced = Introduced {
+            key,
+            permit,
+            name: None,
+        };
+        introduced.check_avatar(signer)?;
+        Ok(Self {
+            permit,
+            ..Self::new(identity)
+        })
     }
 
     /// This key, to forward what the key `sender` sends, if it is known: one of `permits` may let this side show its avatar. It is the sender's own, where
@@ -69,7 +86,10 @@ impl Credentials {
             .clone()
             .find(|permit| Some(permit.owner()) == sender);
         let permit = theirs.or_else(|| holding.next());
-        Self { identity, permit }
+        Self {
+            permit,
+            ..Self::new(identity)
+        }
     }
 
     /// One's own key.
@@ -87,11 +107,18 @@ impl Credentials {
     /// The lines of this key.
     fn lines(&self, purpose: Purpose, text: &str) -> String {
         let signed = self.identity.sign_as_text(purpose, text.as_bytes());
-        let key = format!("{KEY_LINE}{signed}\r\n");
-        match self.permit.filter(|_| purpose != Purpose::Viewer) {
-            Some(permit) => format!("{key}{PERMIT_LINE}{permit}\r\n"),
-            None => key,
+        let mut lines = format!("{KEY_LINE}{signed}\r\n");
+        if let Some(permit) = self.permit.filter(|_| purpose != Purpose::Viewer) {
+            lines.push_str(&format!("{PERMIT_LINE}{permit}\r\n"));
         }
+        if let Some(name) = self.name.as_ref().filter(|_| purpose == Purpose::Sender) {
+            let signature = self
+                .identity
+                .sign(Purpose::Name, of_name(text, name).as_bytes());
+            let name = BASE64URL_NOPAD.encode(name.as_str().as_bytes());
+            lines.push_str(&format!("{NAME_LINE}{name} {signature}\r\n"));
+        }
+        lines
     }
 }
 
@@ -106,10 +133,10 @@ pub(crate) fn introduce_sender(
     own: Option<&Credentials>,
     room: &RoomLink,
     avatar: PackageId,
-    offer: &str,
+    offer: &Description,
     answer: &str,
 ) -> Result<String, CallError> {
-    let text = of_sender(room.room(), avatar, offer, answer)?;
+    let text = of_sender(room.room(), avatar, offer, &Description::read(answer)?)?;
     Ok(introduce(own, room, Purpose::Sender, &text, answer))
 }
 
@@ -152,20 +179,25 @@ fn before_media(sdp: &str, lines: &[&str]) -> String {
     [&[session], lines, &[media]].concat().concat()
 }
 
-/// Checks that the side which wrote `sdp` has the room's link, where the link has a secret.
-fn check_link(room: &RoomLink, purpose: Purpose, text: &str, sdp: &str) -> Result<(), CallError> {
+/// Checks that the side which shows this has the room's link, where the link has a secret.
+fn check_link(
+    room: &RoomLink,
+    purpose: Purpose,
+    text: &str,
+    shown: &Shown,
+) -> Result<(), CallError> {
     let Some(secret) = room.secret() else {
         return Ok(());
     };
-    let mac = only(sdp, LINK_LINE)?.ok_or(CallError::NoLink)?;
+    let mac = shown.link.as_ref().ok_or(CallError::NoLink)?;
     proof::check(secret, purpose, OF_LINK, text, mac)
 }
 
 /// Which side answered.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Answered {
-    /// The sender itself, with its key, where it says so.
-    Sender(Option<PublicKey>),
+    /// The sender itself, with its key, where it says so, and the name that it signed with it.
+    Sender(Option<PublicKey>, Option<PersonName>),
     /// The server's forwarder, which need not be believed: what it hands on is sealed.
     Forwarder,
 }
@@ -183,26 +215,26 @@ pub struct Authentication {
 impl Authentication {
     /// The offer, in which this side shows its own key, if it has one to show, and that it has the link.
     pub(crate) fn introduce(&self, room: &RoomLink, offer: &str) -> Result<String, CallError> {
-        let text = of_viewer(room.room(), offer)?;
+        let text = of_viewer(room.room(), &Description::read(offer)?)?;
         let own = self.own.as_ref();
         let introduced = introduce(own, room, Purpose::Viewer, &text, offer);
         Ok(before_media(&introduced, &[&guests::line(room, &text)]))
     }
 
-    /// Takes the side that answered, or does not.
+    /// Takes the side that answered this side's offer, or does not.
     pub(crate) fn check(
         &self,
         room: &RoomLink,
         avatar: PackageId,
         offer: &str,
-        answer: &str,
+        answer: &Description,
     ) -> Result<Answered, CallError> {
-        match Refusal::read(answer) {
+        match answer.refusal {
             Some(Refusal::Full | Refusal::Many) => return Err(CallError::TooManyViewers),
             Some(refusal) => return Err(CallError::Refused(refusal)),
             None => {}
         }
-        if only(answer, FORWARDER_LINE)?.is_some() {
+        if answer.is_of_forwarder {
             // Without a secret nothing can be sealed. People in a call are met directly: all of them have the secret, so one of them who works together
             // with the server could be any other behind a forwarder.
             return match room.secret() {
@@ -210,9 +242,12 @@ impl Authentication {
                 _ => Err(CallError::TooManyViewers),
             };
         }
-        let text = of_sender(room.room(), avatar, offer, answer)?;
-        let sender = self.check_sender(room, Purpose::Sender, &text, answer)?;
-        Ok(Answered::Sender(sender))
+        let text = of_sender(room.room(), avatar, &Description::read(offer)?, answer)?;
+        let sender = self.take_sender(room, Purpose::Sender, &text, &answer.shown)?;
+        Ok(match sender {
+            Some(Introduced { key, name, .. }) => Answered::Sender(Some(key), name),
+            None => Answered::Sender(None, None),
+        })
     }
 
     /// Takes the sender that shows `lines` for `text`, or does not. Who it is, where it says so.
@@ -223,8 +258,19 @@ impl Authentication {
         text: &str,
         lines: &str,
     ) -> Result<Option<PublicKey>, CallError> {
-        check_link(room, purpose, text, lines)?;
-        let sender = Introduced::read(lines, purpose, text)?;
+        let sender = self.take_sender(room, purpose, text, &Shown::read(lines)?)?;
+        Ok(sender.map(|sender| sender.key))
+    }
+
+    fn take_sender(
+        &self,
+        room: &RoomLink,
+        purpose: Purpose,
+        text: &str,
+        shown: &Shown,
+    ) -> Result<Option<Introduced>, CallError> {
+        check_link(room, purpose, text, shown)?;
+        let sender = Introduced::read(shown, purpose, text)?;
         if let Some(expected) = room.key() {
             match &sender {
                 None => return Err(CallError::NoKey),
@@ -240,18 +286,18 @@ impl Authentication {
             None if self.signer.is_some() => return Err(CallError::NoKey),
             None => {}
         }
-        Ok(sender.map(|sender| sender.key))
+        Ok(sender)
     }
 }
 
-/// Takes the viewer of this session, who has the room's link; or answers that it is not taken. Who it is, as far as it says so.
+/// Takes the viewer of this session, who has the room's link; or answers that it is not taken. Who it is, as far as it says so, and its offer.
 pub(crate) async fn admit_viewer(
     client: &Client,
     own: Option<&Credentials>,
     room: &RoomLink,
     session: &Name,
     offer: &str,
-) -> Result<Visitor, CallError> {
+) -> Result<(Visitor, Description), CallError> {
     let checked = check_viewer(own, room, offer);
     if checked.is_err() {
         (client.answer(room, session, &Refusal::Link.answer())).await?;
@@ -263,33 +309,45 @@ fn check_viewer(
     own: Option<&Credentials>,
     room: &RoomLink,
     offer: &str,
-) -> Result<Visitor, CallError> {
-    let text = of_viewer(room.room(), offer)?;
-    check_link(room, Purpose::Viewer, &text, offer)?;
-    let viewer = Introduced::read(offer, Purpose::Viewer, &text)?;
+) -> Result<(Visitor, Description), CallError> {
+    let offer = Description::read(offer)?;
+    // One of which no connection can be made is answered before anything is spent on it.
+    offer.write(&[])?;
+    let text = of_viewer(room.room(), &offer)?;
+    check_link(room, Purpose::Viewer, &text, &offer.shown)?;
+    let viewer = Introduced::read(&offer.shown, Purpose::Viewer, &text)?;
     let own = own.map(|own| &own.identity);
-    Ok(Visitor {
+    let visitor = Visitor {
         key: viewer.map(|viewer| viewer.key),
-        guest: guests::read(own, room, &text, only(offer, guests::LINE)?)?,
-    })
+        guest: guests::read(own, room, &text, offer.shown.guest.as_deref())?,
+    };
+    Ok((visitor, offer))
 }
 
 /// A side that has proved which key it has.
 struct Introduced {
     key: PublicKey,
     permit: Option<Permit>,
+    name: Option<PersonName>,
 }
 
 impl Introduced {
-    /// The side that wrote `sdp`, which signed `text`.
-    fn read(sdp: &str, purpose: Purpose, text: &str) -> Result<Option<Self>, CallError> {
-        let Some(line) = only(sdp, KEY_LINE)? else {
+    /// The side that shows this, and signed `text`.
+    fn read(shown: &Shown, purpose: Purpose, text: &str) -> Result<Option<Self>, CallError> {
+        let Some(signed) = &shown.key else {
             return Ok(None);
         };
-        let key = PublicKey::of_signed(line, purpose, text.as_bytes())?;
-        let permit = only(sdp, PERMIT_LINE)?;
-        let permit = permit.map(str::parse::<Permit>).transpose()?;
-        Ok(Some(Self { key, permit }))
+        let key = PublicKey::of_signed(signed, purpose, text.as_bytes())?;
+        let permit = shown
+            .permit
+            .as_deref()
+            .map(str::parse::<Permit>)
+            .transpose()?;
+        let name = match &shown.name {
+            Some(signed) => Some(read_name(signed, key, text)?),
+            None => None,
+        };
+        Ok(Some(Self { key, permit, name }))
     }
 
     /// Whether it may drive an avatar with this signer.
@@ -308,252 +366,45 @@ impl Introduced {
     }
 }
 
+/// The name in `NAME SIGNATURE`, which this key has signed with `text`.
+fn read_name(signed: &str, key: PublicKey, text: &str) -> Result<PersonName, CallError> {
+    let malformed = IdentityError::Malformed("a name and its signature");
+    let read = |signed: &str| {
+        let (name, signature) = signed.split_once(' ')?;
+        let name = String::from_utf8(BASE64URL_NOPAD.decode(name.as_bytes()).ok()?).ok()?;
+        Some((name.parse().ok()?, signature.parse().ok()?))
+    };
+    let (name, signature): (PersonName, Signature) = read(signed).ok_or(malformed)?;
+    key.verify(Purpose::Name, of_name(text, &name).as_bytes(), &signature)?;
+    Ok(name)
+}
+
 /// What a sender signs.
 fn of_sender(
     room: &Name,
     avatar: PackageId,
-    offer: &str,
-    answer: &str,
+    offer: &Description,
+    answer: &Description,
 ) -> Result<String, CallError> {
-    let [theirs, own] = [fingerprints(offer)?, fingerprints(answer)?];
+    let [theirs, own] = [offer.fingerprints()?, answer.fingerprints()?];
     Ok(format!("{room}\n{avatar}\n{own}\n{theirs}"))
 }
 
 /// What a viewer signs.
-fn of_viewer(room: &Name, offer: &str) -> Result<String, CallError> {
-    Ok(format!("{room}\n{}", fingerprints(offer)?))
+fn of_viewer(room: &Name, offer: &Description) -> Result<String, CallError> {
+    Ok(format!("{room}\n{}", offer.fingerprints()?))
 }
 
-/// The fingerprints in an offer or answer, each once, in their order by the alphabet: `sha-256 aa:bb:...`, with commas between.
-fn fingerprints(sdp: &str) -> Result<String, CallError> {
-    let values = sdp
-        .lines()
-        .filter_map(|line| line.trim_end().strip_prefix("a=fingerprint:"));
-    let mut found: Vec<String> = values.map(str::to_ascii_lowercase).collect();
-    found.sort_unstable();
-    found.dedup();
-    if found.is_empty() || found.len() > MOST_FINGERPRINTS {
-        return Err(CallError::NoFingerprint);
-    }
-    Ok(found.join(","))
+/// What a sender with this name signs besides, of the same connection.
+fn of_name(text: &str, name: &PersonName) -> String {
+    format!("{text}\n{name}")
 }
 
-/// What follows `head` in the one line that begins so; nothing where none does.
-pub(crate) fn only<'a>(sdp: &'a str, head: &str) -> Result<Option<&'a str>, CallError> {
-    let mut lines = sdp.lines().filter_map(|line| line.strip_prefix(head));
-    let line = lines.next().map(str::trim_end);
-    if lines.next().is_some() {
-        return Err(IdentityError::Malformed("an introduction: there are two").into());
-    }
-    Ok(line)
+/// The value of the one line of `lines` that begins with `a=HEAD:`, given as such.
+pub(crate) fn only<'a>(lines: &'a str, head: &str) -> Result<Option<&'a str>, CallError> {
+    let name = head.trim_start_matches("a=").trim_end_matches(':');
+    Ok(sdp::only(lines, name)?)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use link_protocol::{CallLink, LinkSecret};
-
-    const OFFER: &str = "v=0\r\na=fingerprint:sha-256 AA:01\r\nm=application 9\r\na=mid:0\r\n";
-    const ANSWER: &str = "v=0\r\nm=application 9\r\na=fingerprint:sha-256 BB:02\r\n";
-
-    fn avatar(digit: char) -> PackageId {
-        let text: String = std::iter::repeat_n(digit, 64).collect();
-        text.parse().expect("a hash")
-    }
-
-    fn identity(seed: u8) -> Identity {
-        Identity::from_seed(&[seed; 32]).expect("a key")
-    }
-
-    fn room(name: &str) -> RoomLink {
-        let server = "http://127.0.0.1:1".parse().expect("an address");
-        RoomLink::of(server, name, "token").expect("a room")
-    }
-
-    fn keyed(name: &str, key: u8) -> RoomLink {
-        room(name).with_key(identity(key).public().hash())
-    }
-
-    fn secret(name: &str, secret: u8) -> RoomLink {
-        room(name).with_secret(LinkSecret::new([secret; 16]))
-    }
-
-    fn answer(own: Option<Identity>, room: &RoomLink) -> String {
-        let own = own.map(Credentials::new);
-        introduce_sender(own.as_ref(), room, avatar('a'), OFFER, ANSWER).expect("an answer")
-    }
-
-    /// What a server in the middle may try: its own certificate, on either side, or beside the sender's; another room, another avatar.
-    fn meddled(answer: &str, other_room: &RoomLink, room: &RoomLink) -> Vec<Option<CallError>> {
-        let certificate = answer.replace("BB:02", "CC:03");
-        let beside = format!("{answer}a=fingerprint:sha-256 CC:03\r\n");
-        let offer = OFFER.replace("AA:01", "CC:03");
-        [
-            (room, 'a', OFFER, &*certificate),
-            (room, 'a', OFFER, &*beside),
-            (room, 'a', &*offer, answer),
-            (other_room, 'a', OFFER, answer),
-            (room, 'b', OFFER, answer),
-        ]
-        .map(|(room, digit, offer, answer)| {
-            let checked = Authentication::default().check(room, avatar(digit), offer, answer);
-            checked.err()
-        })
-        .into()
-    }
-
-    #[test]
-    fn a_sender_is_known_by_the_key_in_the_link() {
-        let signed = answer(Some(identity(1)), &room("r1"));
-        let check = |answer: &str, key| {
-            Authentication::default().check(&keyed("r1", key), avatar('a'), OFFER, answer)
-        };
-        let known = check(&signed, 1).expect("the sender");
-        assert_eq!(known, Answered::Sender(Some(identity(1).public())));
-        let wrong = check(&signed, 2);
-        assert!(
-            matches!(wrong, Err(CallError::WrongKey { .. })),
-            "{wrong:?}"
-        );
-        let unsigned = check(ANSWER, 1);
-        assert!(matches!(unsigned, Err(CallError::NoKey)), "{unsigned:?}");
-        for refused in meddled(&signed, &keyed("r2", 1), &keyed("r1", 1)) {
-            let wrong = CallError::Identity(IdentityError::WrongSignature);
-            assert_eq!(refused.map(|it| it.to_string()), Some(wrong.to_string()));
-        }
-        let again = &signed[signed.find(KEY_LINE).expect("it")..];
-        assert!(check(&format!("{signed}{again}"), 1).is_err(), "two keys");
-    }
-
-    #[test]
-    fn each_side_knows_that_the_other_has_the_link() {
-        let proved = answer(None, &secret("r1", 1));
-        let check = |room: &RoomLink, answer: &str| {
-            Authentication::default().check(room, avatar('a'), OFFER, answer)
-        };
-        assert!(check(&secret("r1", 1), &proved).is_ok());
-        assert!(
-            check(&room("r1"), &proved).is_ok(),
-            "who has less checks less"
-        );
-        for (room, answer) in [(secret("r1", 2), &*proved), (secret("r1", 1), ANSWER)] {
-            let refused = check(&room, answer);
-            assert!(matches!(refused, Err(CallError::NoLink)), "{refused:?}");
-        }
-        for refused in meddled(&proved, &secret("r2", 1), &secret("r1", 1)) {
-            assert!(matches!(refused, Some(CallError::NoLink)), "{refused:?}");
-        }
-        let offer = Authentication::default().introduce(&secret("r1", 1), OFFER);
-        let offer = offer.expect("an offer");
-        assert!(check_viewer(None, &secret("r1", 1), &offer).is_ok());
-        for (room, offer) in [
-            (secret("r1", 1), OFFER.to_owned()),
-            (secret("r1", 2), offer.clone()),
-            (secret("r2", 1), offer.clone()),
-            (secret("r1", 1), offer.replace("AA:01", "AA:02")),
-        ] {
-            let refused = check_viewer(None, &room, &offer);
-            assert!(matches!(refused, Err(CallError::NoLink)), "{refused:?}");
-        }
-        // What a viewer proved is no proof of a sender.
-        let [viewers, senders] = [Purpose::Viewer, Purpose::Sender].map(|purpose| {
-            let secret = LinkSecret::new([1; 16]);
-            proof::prove(&secret, purpose, OF_LINK, "the same text")
-        });
-        assert_ne!(viewers, senders);
-    }
-
-    #[test]
-    fn a_forwarder_is_taken_where_it_cannot_read_and_never_in_a_call() {
-        let answer = introduce_forwarder(ANSWER);
-        let media = answer.find("m=").expect("media");
-        assert!(answer.find(FORWARDER_LINE).expect("a line") < media);
-        let check =
-            |room: &RoomLink| Authentication::default().check(room, avatar('a'), OFFER, &answer);
-        let taken = check(&secret("r1", 1)).expect("it cannot read");
-        assert_eq!(taken, Answered::Forwarder);
-        let call: CallLink = "http://127.0.0.1:1/calls/c1#token".parse().expect("a link");
-        let call = call.with_secret(LinkSecret::new([1; 16]));
-        let seat = call.seat(&"r1".parse().expect("a name"));
-        for room in [room("r1"), keyed("r1", 1), seat] {
-            let refused = check(&room);
-            assert!(
-                matches!(refused, Err(CallError::TooManyViewers)),
-                "{refused:?}"
-            );
-        }
-        for (refusal, expected) in [
-            (Refusal::Link, CallError::Refused(Refusal::Link)),
-            (Refusal::Full, CallError::TooManyViewers),
-        ] {
-            let authentication = Authentication::default();
-            let told = authentication.check(&room("r1"), avatar('a'), OFFER, &refusal.answer());
-            assert_eq!(
-                told.err().map(|it| it.to_string()),
-                Some(expected.to_string())
-            );
-        }
-    }
-
-    #[test]
-    fn an_avatar_is_driven_by_its_owner_and_by_whom_they_permit() {
-        let (owner, other) = (identity(1), identity(2));
-        let signer = Some(owner.public());
-        let drive = |own: Credentials| {
-            let answer = introduce_sender(Some(&own), &room("r1"), avatar('a'), OFFER, ANSWER);
-            let authentication = Authentication { own: None, signer };
-            let answer = answer.expect("signed");
-            authentication.check(&room("r1"), avatar('a'), OFFER, &answer)
-        };
-        assert!(drive(Credentials::new(owner.clone())).is_ok(), "the owner");
-        let refused = drive(Credentials::new(other.clone()));
-        assert!(
-            matches!(refused, Err(CallError::NotTheirAvatar { why: None, .. })),
-            "{refused:?}"
-        );
-        let permit = |until| Permit::new(&owner, other.public(), until);
-        let permitted = Credentials::for_avatar(other.clone(), signer, &[permit(u64::MAX)]);
-        assert!(drive(permitted.expect("a permit")).is_ok(), "a permit");
-        let over = Credentials {
-            identity: other.clone(),
-            permit: Some(permit(1)),
-        };
-        let refused = drive(over);
-        assert!(
-            matches!(refused, Err(CallError::NotTheirAvatar { why: Some(_), .. })),
-            "{refused:?}"
-        );
-        for permits in [
-            &[][..],
-            &[permit(1)],
-            &[Permit::new(&other, other.public(), u64::MAX)],
-        ] {
-            let own = Credentials::for_avatar(other.clone(), signer, permits);
-            assert!(own.is_err(), "this side is told before it enters");
-        }
-        let authentication = Authentication { own: None, signer };
-        let unsigned = authentication.check(&room("r1"), avatar('a'), OFFER, ANSWER);
-        assert!(matches!(unsigned, Err(CallError::NoKey)));
-    }
-
-    #[test]
-    fn a_viewer_is_known_by_its_offer() {
-        let own = Some(Credentials::new(identity(3)));
-        let authentication = Authentication { own, signer: None };
-        let signed = authentication.introduce(&room("r1"), OFFER);
-        let signed = signed.expect("signed");
-        let known = check_viewer(None, &room("r1"), &signed).expect("a viewer");
-        assert_eq!(known.key, Some(identity(3).public()));
-        assert_eq!(
-            check_viewer(None, &room("r1"), OFFER).expect("nobody").key,
-            None
-        );
-        assert!(
-            check_viewer(None, &room("r2"), &signed).is_err(),
-            "for another room"
-        );
-        assert!(check_viewer(None, &room("r1"), &signed.replace("AA:01", "AA:02")).is_err());
-        let media = signed.find("m=").expect("media");
-        assert!(signed.find(KEY_LINE).expect("a key") < media);
-    }
-}
+mod tests;

@@ -5,6 +5,7 @@ use crate::nudge::Nudge;
 use crate::path::{CandidateKind, Path, PathEnd};
 use crate::plan::{Plan, Relay};
 use crate::screening::Screening;
+use crate::sdp::{Candidate, Description, Fingerprints, Host};
 use crate::voice_track::{self, OutgoingVoice, VoicePacket};
 use crate::{CallError, candidates, is_set};
 use bytes::{Bytes, BytesMut};
@@ -102,6 +103,8 @@ pub(crate) struct Peer {
     relay: Option<Relay>,
     /// Whether it is bound to the machine's loopback.
     is_local: bool,
+    /// The other side's certificate, as it signed it; nothing before its description is taken.
+    signed: Option<Fingerprints>,
     /// While packets may go by it.
     nudge: Option<Nudge>,
 }
@@ -184,14 +187,16 @@ impl Peer {
     pub(crate) async fn answer(
         plan: Plan,
         mode: ChannelMode,
-        offer: String,
+        offer: &Description,
     ) -> Result<(Self, String), CallError> {
         let is_local = candidates::has_loopback(&plan.local);
-        let offer = candidates::screened(&offer, is_local);
-        let mdns = mdns_for(&offer);
+        let tried = candidates::screened(&offer.candidates, is_local);
+        let mdns = mdns_for(&tried);
+        let text = offer.write(tried)?;
         let mut peer = Self::new(plan, mode, MOTION_CHANNEL, FEEDBACK_CHANNEL, mdns).await?;
-        let voice = voice_track::asked_for(&offer);
-        let offer = RTCSessionDescription::offer(offer)?;
+        peer.signed = Some(offer.fingerprints()?.clone());
+        let voice = voice_track::asked_for(offer);
+        let offer = RTCSessionDescription::offer(text)?;
         peer.connection.set_remote_description(offer).await?;
         if let Some(payload_type) = voice {
             match OutgoingVoice::add(&peer.connection, payload_type).await {
@@ -205,9 +210,10 @@ impl Peer {
     }
 
     /// Takes the other side's answer to this side's offer.
-    pub(crate) async fn accept(&self, answer: String) -> Result<(), CallError> {
-        let answer = candidates::screened(&answer, self.is_local);
-        let answer = RTCSessionDescription::answer(answer)?;
+    pub(crate) async fn accept(&mut self, answer: &Description) -> Result<(), CallError> {
+        let tried = candidates::screened(&answer.candidates, self.is_local);
+        self.signed = Some(answer.fingerprints()?.clone());
+        let answer = RTCSessionDescription::answer(answer.write(tried)?)?;
         Ok(self.connection.set_remote_description(answer).await?)
     }
 
@@ -278,6 +284,7 @@ impl Peer {
             nudge,
             relay: plan.relay,
             is_local,
+            signed: None,
         })
     }
 
@@ -299,11 +306,27 @@ impl Peer {
         Ok(description.ok_or(CallError::NoDescription)?.sdp)
     }
 
-    /// Waits until the channel is open.
+    /// Whether the other side of the connection has the certificate that it signed. The library compares one of its fingerprints by itself; this does not
+    /// depend on how the library read the description.
+    async fn check_certificate(&self) -> Result<(), CallError> {
+        let transport = self.connection.sctp().await;
+        let transport = transport.ok_or(CallError::NotConnected)?.transport();
+        let certificates = transport.get_remote_certificates().await?;
+        let certificate = certificates.first().ok_or(CallError::OtherCertificate)?;
+        let is_signed = |signed: &Fingerprints| signed.are_of(certificate);
+        let checked = self.signed.as_ref().is_some_and(is_signed);
+        checked.then_some(()).ok_or(CallError::OtherCertificate)
+    }
+
+    /// Waits until the channel is open to the side that signed its description. What came before is dropped.
     pub(crate) async fn opened(&mut self) -> Result<(), CallError> {
         loop {
             match self.next().await {
                 PeerEvent::Open => {
+                    if let Err(error) = self.check_certificate().await {
+                        self.close().await;
+                        return Err(error);
+                    }
                     let path = self.path().await;
                     if path.is_some_and(|path| path.relay.is_none()) {
                         self.nudge = None;
@@ -410,11 +433,9 @@ impl Drop for Peer {
 
 /// Whether names of a browser that hides its addresses behind `.local` are to be looked up. That needs the port of multicast DNS, which a
 /// bare network may not have, and is of no use where the other side has no such name.
-fn mdns_for(offer: &str) -> MulticastDnsMode {
-    let named = offer
-        .lines()
-        .any(|line| line.starts_with("a=candidate:") && line.contains(".local "));
-    if named && MulticastSocket::new().into_std().is_ok() {
+fn mdns_for(tried: &[&Candidate]) -> MulticastDnsMode {
+    let is_named = tried.iter().any(|it| matches!(it.host, Host::Mdns(_)));
+    if is_named && MulticastSocket::new().into_std().is_ok() {
         MulticastDnsMode::QueryOnly
     } else {
         MulticastDnsMode::Disabled

@@ -2,6 +2,7 @@
 //! server is asked once, not for every connection, and again after this machine's addresses have changed.
 
 use crate::addresses;
+use crate::scope::{Scope, resolve};
 use crate::tunnel::Tunnel;
 use link_protocol::IceServers;
 use link_protocol::ice::{IceKind, IceServer, IceUrl};
@@ -16,7 +17,7 @@ use std::fmt;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::net::{UdpSocket, lookup_host};
+use tokio::net::UdpSocket;
 use tokio::sync::Mutex;
 use tokio::task::JoinSet;
 use tokio::time::{Instant, timeout};
@@ -24,6 +25,10 @@ use tokio::time::{Instant, timeout};
 /// When a server is asked, after the first time, and when it counts as unreachable over UDP.
 const ASK_AGAIN: [Duration; 2] = [Duration::from_millis(200), Duration::from_millis(400)];
 pub(crate) const UNREACHABLE: Duration = Duration::from_millis(900);
+/// Servers that are asked over UDP, by host and port: an operator's own, and a few others.
+const MOST_PLACES: usize = 8;
+/// How long a server's other address is waited for after one has answered.
+const OTHER_ADDRESS: Duration = Duration::from_millis(100);
 /// How long what was found holds: a server that was restarted, or a network that lets more through, is noticed after this.
 const HOLDS: Duration = Duration::from_secs(60);
 
@@ -82,7 +87,10 @@ pub(crate) struct Planner(Arc<Mutex<Known>>);
 struct Known {
     /// This machine's addresses when it was found.
     here: BTreeSet<IpAddr>,
-    answers: HashMap<(String, u16), (bool, Instant)>,
+    /// Which addresses of a server answer, by its host and port.
+    answers: HashMap<(String, u16), (Vec<SocketAddr>, Instant)>,
+    /// How near the servers are that the room's server may name.
+    nearest: Option<(ServerUrl, Scope, Instant)>,
     tunnels: HashMap<(String, u16), Tunnel>,
 }
 
@@ -95,41 +103,62 @@ impl Planner {
         };
         // Connections that are made at the same time wait for one finding.
         let mut known = self.0.lock().await;
-        known.ask(servers).await;
+        let nearest = known.nearest(server).await;
+        known.ask(servers, nearest).await;
         for server in servers.as_slice() {
-            known.add(&mut plan, server).await;
+            known.add(&mut plan, server, nearest).await;
         }
         plan
     }
 }
 
 impl Known {
+    /// How near the addresses are that this server may name.
+    async fn nearest(&mut self, server: &ServerUrl) -> Scope {
+        match &self.nearest {
+            Some((known, scope, since)) if known == server && since.elapsed() < HOLDS => *scope,
+            _ => {
+                let scope = Scope::of_server(server).await;
+                self.nearest = Some((server.clone(), scope, Instant::now()));
+                scope
+            }
+        }
+    }
+
     /// Finds out which of the servers answer over UDP.
-    async fn ask(&mut self, servers: &IceServers) {
+    async fn ask(&mut self, servers: &IceServers, nearest: Scope) {
         let here = addresses::usable();
         if here != self.here {
             self.answers.clear();
             self.tunnels.clear();
+            self.nearest = None;
             self.here = here;
         }
         self.answers.retain(|_, (_, since)| since.elapsed() < HOLDS);
         let mut asked = JoinSet::new();
         let urls = servers.as_slice().iter().flat_map(IceServer::addresses);
-        let unknown: BTreeSet<_> = urls
-            .filter(is_over_udp)
-            .map(|url| (url.host, url.port))
-            .filter(|place| !self.answers.contains_key(place))
-            .collect();
-        for place in unknown {
+        let mut places: Vec<(String, u16)> = Vec::new();
+        for url in urls.filter(is_over_udp) {
+            let place = (url.host, url.port);
+            if places.len() < MOST_PLACES && !places.contains(&place) {
+                places.push(place);
+            }
+        }
+        places.retain(|place| !self.answers.contains_key(place));
+        for place in places {
             asked.spawn(async move {
-                let answers = answers(&place.0, place.1).await;
+                let answers = answers(&place.0, place.1, nearest).await;
                 (place, answers)
             });
         }
         while let Some(found) = asked.join_next().await {
             if let Ok((place, answers)) = found {
-                if !answers {
-                    log::info!("{}:{} does not answer over UDP", place.0, place.1);
+                if answers.is_empty() {
+                    log::info!(
+                        "{}:{} does not answer over UDP, or is nearer than the server which names it",
+                        place.0,
+                        place.1
+                    );
                 }
                 self.answers.insert(place, (answers, Instant::now()));
             }
@@ -137,28 +166,31 @@ impl Known {
     }
 
     /// Adds what is of use of a server: over UDP where it answers, else its relay over TCP.
-    async fn add(&mut self, plan: &mut Plan, server: &IceServer) {
+    async fn add(&mut self, plan: &mut Plan, server: &IceServer, nearest: Scope) {
         let mut urls = Vec::new();
-        for url in server.addresses() {
+        for url in server.addresses().filter(is_over_udp) {
             let place = (url.host.clone(), url.port);
-            let answers = self
-                .answers
-                .get(&place)
-                .is_some_and(|(answers, _)| *answers);
-            // The library cannot name a relay by an IPv6 address.
-            let nameable = url.kind == IceKind::Stun || !url.host.contains(':');
-            if answers && nameable && is_over_udp(&url) {
+            let answers = self.answers.get(&place).map(|(answers, _)| answers.iter());
+            for address in answers.into_iter().flatten() {
                 if url.kind == IceKind::TurnUdp && plan.relay.is_none() {
                     plan.relay = Some(relay(&url, RelayTransport::Udp));
                 }
-                urls.push(url.to_string());
+                // The address that was checked: the library would look up the name once more.
+                let host = address.ip().to_string();
+                urls.push(
+                    IceUrl {
+                        host,
+                        ..url.clone()
+                    }
+                    .to_string(),
+                );
             }
         }
         let over_tcp = server.addresses().find(|url| url.kind == IceKind::TurnTcp);
         if let Some(url) = over_tcp
             && plan.relay.is_none()
         {
-            match self.tunnel(&url).await {
+            match self.tunnel(&url, nearest).await {
                 Ok(address) => {
                     urls.push(format!("turn:{address}?transport=udp"));
                     plan.relay = Some(relay(&url, RelayTransport::Tcp));
@@ -174,12 +206,18 @@ impl Known {
         }
     }
 
-    async fn tunnel(&mut self, url: &IceUrl) -> std::io::Result<SocketAddr> {
+    async fn tunnel(&mut self, url: &IceUrl, nearest: Scope) -> std::io::Result<SocketAddr> {
         let place = (url.host.clone(), url.port);
         if let Some(tunnel) = self.tunnels.get(&place) {
             return Ok(tunnel.address());
         }
-        let tunnel = Tunnel::open(&url.host, url.port).await?;
+        let addresses = resolve(&url.host, url.port, nearest).await;
+        if addresses.is_empty() {
+            let why =
+                "it has no address, or only such as are nearer than the server which names it";
+            return Err(std::io::Error::other(why));
+        }
+        let tunnel = Tunnel::open(addresses).await?;
         let address = tunnel.address();
         self.tunnels.insert(place, tunnel);
         Ok(address)
@@ -198,23 +236,29 @@ fn relay(url: &IceUrl, transport: RelayTransport) -> Relay {
     }
 }
 
-/// Whether a server answers STUN over UDP, on any of its addresses.
-async fn answers(host: &str, port: u16) -> bool {
+/// The addresses of a server that answer STUN over UDP, one of each family at most.
+async fn answers(host: &str, port: u16, nearest: Scope) -> Vec<SocketAddr> {
     let asked = async {
-        let found = lookup_host((host, port)).await.ok()?;
-        let (v4, v6): (Vec<_>, Vec<_>) = found.partition(SocketAddr::is_ipv4);
+        let found = resolve(host, port, nearest).await;
+        let (v4, v6): (Vec<_>, Vec<_>) = found.into_iter().partition(SocketAddr::is_ipv4);
         let mut asked = JoinSet::new();
-        for address in [v4.first(), v6.first()].into_iter().flatten() {
-            asked.spawn(ask(*address));
+        for address in [v4.first(), v6.first()].into_iter().flatten().copied() {
+            asked.spawn(async move { ask(address).await.map(|_| address) });
         }
+        let mut answering = Vec::new();
         while let Some(answer) = asked.join_next().await {
-            if let Ok(Ok(_)) = answer {
-                return Some(());
+            let Ok(Ok(address)) = answer else {
+                continue;
+            };
+            answering.push(address);
+            if let Ok(Some(Ok(Ok(other)))) = timeout(OTHER_ADDRESS, asked.join_next()).await {
+                answering.push(other);
             }
+            break;
         }
-        None
+        answering
     };
-    matches!(timeout(UNREACHABLE, asked).await, Ok(Some(())))
+    timeout(UNREACHABLE, asked).await.unwrap_or_default()
 }
 
 async fn ask(server: SocketAddr) -> std::io::Result<SocketAddr> {

@@ -4,6 +4,7 @@ use crate::CallError;
 use crate::addresses;
 use crate::peer::Peer;
 use crate::plan::{Planner, Relay, UNREACHABLE, ask_from};
+use crate::scope::{Scope, resolve};
 use link_protocol::IceServers;
 use link_protocol::announcement::ChannelMode;
 use link_protocol::ice::{IceKind, IceServer, IceUrl};
@@ -11,12 +12,8 @@ use link_protocol::room_link::ServerUrl;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
-use std::time::Duration;
-use tokio::net::{UdpSocket, lookup_host};
+use tokio::net::UdpSocket;
 use tokio::time::timeout;
-
-/// How long a name's addresses are waited for.
-const LOOKUP: Duration = Duration::from_secs(3);
 
 /// What ways there are to this machine.
 #[derive(Debug, Clone, Serialize)]
@@ -86,13 +83,15 @@ impl Reach {
         others: &[IceUrl],
     ) -> Result<Self, CallError> {
         let told = servers.as_slice().iter().flat_map(IceServer::addresses);
-        let mut urls: Vec<IceUrl> = told.filter(|url| url.kind == IceKind::Stun).collect();
-        urls.extend(others.iter().cloned());
+        let nearest = Scope::of_server(server).await;
+        let told = told.filter(|url| url.kind == IceKind::Stun);
+        let mut urls: Vec<_> = told.map(|url| (url, nearest)).collect();
+        urls.extend(others.iter().map(|url| (url.clone(), Scope::Machine)));
         let seen = ask_each(&urls).await.unwrap_or_else(|error| {
             log::warn!("no STUN server can be asked: {error}");
             Vec::new()
         });
-        let silent = (urls.into_iter())
+        let silent = (urls.into_iter().map(|(url, _)| url))
             .filter(|url| !seen.iter().any(|one| one.url == *url))
             .collect();
         // It keeps the way to a relay over TCP.
@@ -120,14 +119,12 @@ fn is_relayed(line: &str) -> bool {
 }
 
 /// Asks one after the other, all from one socket, so that what they see can be compared. IPv4 only: no NAT is in the way of IPv6.
-async fn ask_each(urls: &[IceUrl]) -> std::io::Result<Vec<Sighting>> {
+async fn ask_each(urls: &[(IceUrl, Scope)]) -> std::io::Result<Vec<Sighting>> {
     let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).await?;
     let mut seen = Vec::new();
-    for url in urls {
-        let found = timeout(LOOKUP, lookup_host((url.host.as_str(), url.port))).await;
-        let found = found.into_iter().flatten();
-        let address = found.flatten().find(SocketAddr::is_ipv4);
-        let Some(address) = address else {
+    for (url, nearest) in urls {
+        let found = resolve(&url.host, url.port, *nearest).await;
+        let Some(address) = found.into_iter().find(SocketAddr::is_ipv4) else {
             continue;
         };
         if let Ok(Ok(mapped)) = timeout(UNREACHABLE, ask_from(&socket, address)).await {

@@ -5,6 +5,7 @@ use crate::introduction::{Answered, Authentication};
 use crate::path::Path;
 use crate::peer::Peer;
 use crate::plan::Plan;
+use crate::sdp::Description;
 use crate::seal::{Opener, Terms};
 use crate::signaling::Signaling;
 use crate::voice_track::VoicePacket;
@@ -14,7 +15,7 @@ use link_codec::{Decoder, Micros};
 use link_playout::Clock;
 use link_playout::clock::{ClockOffset, Exchange};
 use link_protocol::data_channel::{Feedback, Message, Pong};
-use link_protocol::{Announcement, Name, PackageId, RoomLink, sealed};
+use link_protocol::{Announcement, Name, PackageId, PersonName, RoomLink, sealed};
 use std::time::Duration;
 use tokio::time::{Instant, timeout};
 
@@ -39,6 +40,8 @@ pub(crate) struct Session {
     pub(crate) path: Option<Path>,
     /// Who the sender is, where it says so.
     pub(crate) sender: Option<PublicKey>,
+    /// What the sender is called, as it signed.
+    pub(crate) person: Option<PersonName>,
     /// How messages come.
     seal: Seal,
     /// Whose seals are taken, and for what.
@@ -105,18 +108,20 @@ impl Session {
         let answer = timeout(limit, signaling.offer(&signed)).await;
         let answer = answer.map_err(|_| CallError::NotConnected)??;
         let avatar = announcement.avatar.sha256;
-        let (sender, seal) = match authentication.check(room, avatar, &offer, &answer.sdp)? {
-            Answered::Sender(sender) => (sender, Seal::None),
-            Answered::Forwarder => (
-                None,
-                Seal::Awaited {
-                    since: Instant::now(),
-                },
-            ),
+        let answered = Description::read(&answer.sdp)?;
+        let (sender, person, seal) = match authentication.check(room, avatar, &offer, &answered)? {
+            Answered::Sender(sender, person) => (sender, person, Seal::None),
+            Answered::Forwarder => {
+                let since = Instant::now();
+                (None, None, Seal::Awaited { since })
+            }
         };
-        peer.accept(answer.sdp).await?;
+        peer.accept(&answered).await?;
         match timeout(limit, peer.opened()).await {
             Ok(Ok(())) => {}
+            Ok(Err(CallError::NotConnected)) | Err(_) if peer.path().await.is_some() => {
+                return Err(CallError::NoHandshake);
+            }
             Ok(Err(CallError::NotConnected)) | Err(_) => return Err(CallError::NoWay { relay }),
             Ok(Err(error)) => return Err(error),
         }
@@ -126,6 +131,7 @@ impl Session {
             peer,
             path,
             sender,
+            person,
             seal,
             authentication: authentication.clone(),
             room: room.clone(),

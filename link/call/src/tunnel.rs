@@ -30,10 +30,10 @@ pub(crate) struct Tunnel {
 
 impl Tunnel {
     /// Opens the socket; connections are made when packets come.
-    pub(crate) async fn open(host: &str, port: u16) -> io::Result<Self> {
+    pub(crate) async fn open(server: Vec<SocketAddr>) -> io::Result<Self> {
         let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).await?;
         let address = socket.local_addr()?;
-        let task = tokio::spawn(carry(Arc::new(socket), host.to_owned(), port));
+        let task = tokio::spawn(carry(Arc::new(socket), server));
         Ok(Self { address, task })
     }
 
@@ -49,7 +49,7 @@ impl Drop for Tunnel {
     }
 }
 
-async fn carry(socket: Arc<UdpSocket>, host: String, port: u16) {
+async fn carry(socket: Arc<UdpSocket>, server: Vec<SocketAddr>) {
     let mut connections = JoinSet::new();
     let mut buffer = vec![0; MAX_PACKET];
     let mut senders: HashMap<SocketAddr, mpsc::Sender<Vec<u8>>> = HashMap::new();
@@ -72,10 +72,10 @@ async fn carry(socket: Arc<UdpSocket>, host: String, port: u16) {
         let way = senders.entry(from).or_insert_with(|| {
             let (way, packets) = mpsc::channel(WAITING);
             if connections.len() < MOST {
-                let (socket, host) = (Arc::clone(&socket), host.clone());
+                let (socket, server) = (Arc::clone(&socket), server.clone());
                 connections.spawn(async move {
-                    if let Err(error) = connect(&socket, from, &host, port, packets).await {
-                        log::debug!("the connection to {host}:{port} ends: {error}");
+                    if let Err(error) = connect(&socket, from, &server, packets).await {
+                        log::debug!("the connection to {server:?} ends: {error}");
                     }
                 });
             }
@@ -92,11 +92,10 @@ async fn carry(socket: Arc<UdpSocket>, host: String, port: u16) {
 async fn connect(
     socket: &UdpSocket,
     from: SocketAddr,
-    host: &str,
-    port: u16,
+    server: &[SocketAddr],
     mut packets: mpsc::Receiver<Vec<u8>>,
 ) -> io::Result<()> {
-    let stream = timeout(CONNECT, TcpStream::connect((host, port))).await??;
+    let stream = timeout(CONNECT, TcpStream::connect(server)).await??;
     stream.set_nodelay(true)?;
     let (mut reader, mut writer) = stream.into_split();
     let out = async {

@@ -16,7 +16,7 @@ use link_codec::{Micros, MotionFrame};
 use link_http::Client;
 use link_playout::Clock;
 use link_protocol::data_channel::PersonState;
-use link_protocol::{Announcement, RoomLink};
+use link_protocol::{Announcement, PersonName, RoomLink};
 use link_voice::VoiceQueue;
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
@@ -109,6 +109,9 @@ pub struct ViewerStatistics {
     pub path: Option<Path>,
     /// The key of its sender, where it proved to have one.
     pub sender: Option<PublicKey>,
+    /// What its sender is called, as they signed with their key.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub person: Option<PersonName>,
     /// Why the last try to join did not succeed, until one does; nothing while the sender is only awaited.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub not_joined: Option<String>,
@@ -285,7 +288,7 @@ impl Call {
                     joining = None;
                     let (path, sender) = (session.path.clone(), session.sender);
                     let is_known = !session.awaits_seal();
-                    if is_known && let Err(error) = self.meet(sender) {
+                    if is_known && let Err(error) = self.meet(sender, session.person.clone()) {
                         session.peer.close().await;
                         self.emit(CallEvent::Failed(error));
                         break;
@@ -444,7 +447,11 @@ impl Call {
 
     /// Takes the sender of another connection, who has to be the one of the first: who has another key is another person, whom someone else would take for
     /// the first.
-    fn meet(&mut self, sender: Option<PublicKey>) -> Result<(), CallError> {
+    fn meet(
+        &mut self,
+        sender: Option<PublicKey>,
+        person: Option<PersonName>,
+    ) -> Result<(), CallError> {
         let first = *self.met.get_or_insert(sender);
         if first != sender {
             let fingerprint = |key: Option<PublicKey>| key.map(|key| key.fingerprint());
@@ -453,7 +460,7 @@ impl Call {
                 found: fingerprint(sender),
             });
         }
-        self.with_statistics(|s| s.sender = sender);
+        self.with_statistics(|s| (s.sender, s.person) = (sender, person));
         Ok(())
     }
 

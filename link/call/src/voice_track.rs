@@ -2,6 +2,7 @@
 //! the `webrtc` crate.
 
 use crate::CallError;
+use crate::sdp::{Description, Direction, Media, Part};
 use bytes::Bytes;
 use rtc::media_stream::MediaStreamTrack;
 use rtc::peer_connection::configuration::media_engine::{MIME_TYPE_OPUS, MediaEngine};
@@ -55,28 +56,18 @@ pub(crate) async fn ask_for(connection: &Arc<dyn PeerConnection>) -> Result<(), 
 }
 
 /// The payload type of Opus in an offer that asks for a voice: its first audio section that is used, may receive, and knows Opus.
-pub(crate) fn asked_for(offer: &str) -> Option<u8> {
-    let sections = offer.split("\nm=").skip(1);
-    sections.filter_map(in_audio_section).next()
-}
-
-fn in_audio_section(section: &str) -> Option<u8> {
-    let mut lines = section.lines().map(str::trim);
-    let mut media = lines.next()?.split_whitespace();
-    let is_used = media.next() == Some("audio") && media.next() != Some("0");
-    let lines: Vec<&str> = lines.collect();
-    let may_receive = !lines
-        .iter()
-        .any(|line| matches!(*line, "a=inactive" | "a=sendonly"));
-    let opus = lines.iter().find_map(|line| {
-        let (number, codec) = line.strip_prefix("a=rtpmap:")?.split_once(' ')?;
-        codec
-            .to_ascii_lowercase()
-            .starts_with("opus/48000")
-            .then(|| number.parse().ok())
-            .flatten()
-    });
-    opus.filter(|_| is_used && may_receive)
+pub(crate) fn asked_for(offer: &Description) -> Option<u8> {
+    let may_receive = |part: &&Part| {
+        let direction = part.direction;
+        let is_closed = matches!(direction, Some(Direction::Neither | Direction::Sends));
+        part.media == Media::Audio && part.is_used() && !is_closed
+    };
+    let mut maps = (offer.parts.iter())
+        .filter(may_receive)
+        .flat_map(|part| &part.rtp_maps);
+    let opus =
+        maps.find(|map| map.codec.eq_ignore_ascii_case("opus") && map.rate == link_voice::RATE);
+    opus.map(|map| map.payload_type)
 }
 
 /// A packet that arrived, as far as RTP tells.
@@ -177,24 +168,23 @@ mod tests {
 
     #[test]
     fn an_offer_says_whether_it_asks_for_a_voice_and_by_which_number() {
-        let offer = |port: &str, lines: &str| {
-            format!(
+        let asked = |port: &str, lines: &str| {
+            let text = format!(
                 "v=0\r\nm=application 9 UDP/DTLS/SCTP webrtc-datachannel\r\na=sendrecv\r\n\
                  m=audio {port} UDP/TLS/RTP/SAVPF 0 96\r\na=rtpmap:0 PCMU/8000\r\n{lines}\r\n"
-            )
+            );
+            asked_for(&Description::read(&text).expect("an offer"))
         };
         let opus = "a=rtpmap:96 OPUS/48000/2";
-        assert_eq!(asked_for(&offer("9", opus)), Some(96), "with Opus");
+        assert_eq!(asked("9", opus), Some(96), "with Opus");
         let receives = format!("{opus}\r\na=recvonly");
-        assert_eq!(asked_for(&offer("9", &receives)), Some(96), "receiving");
-        assert_eq!(asked_for(&offer("0", opus)), None, "not used");
-        assert_eq!(asked_for(&offer("9", "a=recvonly")), None, "without Opus");
+        assert_eq!(asked("9", &receives), Some(96), "receiving");
+        assert_eq!(asked("0", opus), None, "not used");
+        assert_eq!(asked("9", "a=recvonly"), None, "without Opus");
         for direction in ["a=inactive", "a=sendonly"] {
             let lines = format!("{direction}\r\n{opus}");
-            assert_eq!(asked_for(&offer("9", &lines)), None, "{direction}");
+            assert_eq!(asked("9", &lines), None, "{direction}");
         }
-        assert_eq!(asked_for("v=0\r\nm=application 9 x y\r\n"), None, "none");
-        assert_eq!(asked_for("\nm="), None, "no sense");
     }
 
     /// What a stranger may do to a packet on its way: bits turned, cut short, made longer.

@@ -5,6 +5,7 @@ use crate::limits::MAX_PERSON_NAME;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
+use unicode_security::skeleton;
 
 /// A person's name as others read it: 1 to [`MAX_PERSON_NAME`] characters that are seen, with single blanks between, and those joiners and variation selectors
 /// that scripts and emoji need. It says who they say that they are, nothing more.
@@ -19,11 +20,22 @@ impl PersonName {
         &self.0
     }
 
-    /// What is seen of it, in small letters: two names of which this is the same look alike.
+    /// Whether the two look alike: in small or capital letters, by letters of other scripts, or by signs that leave no trace (UTS #39, section 4).
     #[must_use]
-    pub fn as_seen(&self) -> String {
+    pub fn looks_like(&self, other: &Self) -> bool {
+        let [mine, theirs] = [self.as_seen(), other.as_seen()];
+        mine.iter()
+            .zip(&theirs)
+            .any(|(mine, theirs)| mine == theirs)
+    }
+
+    /// The skeletons of the name as it is and of the name in small letters, both in small letters then: a capital I looks like a small L, and a capital
+    /// letter means what the small one does.
+    #[must_use]
+    pub fn as_seen(&self) -> [String; 2] {
         let seen = self.0.chars().filter(|c| *c == ' ' || !is_invisible(*c));
-        seen.flat_map(char::to_lowercase).collect()
+        let seen: String = seen.collect();
+        [seen.to_lowercase(), seen].map(|seen| skeleton(&seen).collect::<String>().to_lowercase())
     }
 }
 
@@ -139,6 +151,36 @@ mod tests {
         let spread: PersonName = "Ada \u{a0}\u{2003} B".parse().expect("a name");
         assert_eq!(spread.as_str(), "Ada B", "one blank, as it is seen");
         let selected: PersonName = "李\u{fe00}白".parse().expect("a name");
-        assert_eq!(selected.as_seen(), "李白");
+        assert!(selected.looks_like(&"李白".parse().expect("a name")));
+    }
+
+    #[test]
+    fn names_that_look_alike_are_found_and_others_are_not() {
+        let name = |text: &str| text.parse::<PersonName>().expect("a name");
+        for (one, other) in [
+            ("Ada", "ADA"),
+            ("Ada", "\u{410}da"),
+            ("Ada", "\u{410}d\u{430}"),
+            ("ADA", "\u{391}D\u{391}"),
+            ("Ada", "\u{ff21}\u{ff44}\u{ff41}"),
+            ("Ill", "lll"),
+            ("Ill", "ill"),
+            ("Oscar", "0scar"),
+            ("Emma", "Ernrna"),
+            ("Zoë", "Zoe\u{308}"),
+            ("Bob 1", "Bob l"),
+            ("paypal", "\u{440}\u{430}ypal"),
+        ] {
+            assert!(name(one).looks_like(&name(other)), "{one} {other}");
+            assert!(name(other).looks_like(&name(one)), "{other} {one}");
+        }
+        for (one, other) in [
+            ("Ada", "Adam"),
+            ("Ada", "Ida"),
+            ("Zoë", "Zoe"),
+            ("李白", "李黑"),
+        ] {
+            assert!(!name(one).looks_like(&name(other)), "{one} {other}");
+        }
     }
 }

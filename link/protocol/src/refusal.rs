@@ -60,13 +60,18 @@ impl Refusal {
         format!("v=0\r\n{LINE}{}\r\n", self.word())
     }
 
-    /// Whether this answer is one. A reason of a later version counts as [`Self::Link`], which trying again does not change.
+    /// Whether this answer is one.
     #[must_use]
     pub fn read(answer: &str) -> Option<Self> {
         let why = answer.lines().find_map(|line| line.strip_prefix(LINE))?;
-        let why = why.trim_end();
+        Some(Self::of_word(why.trim_end()))
+    }
+
+    /// The reason of this word. One of a later version counts as [`Self::Link`], which trying again does not change.
+    #[must_use]
+    pub fn of_word(why: &str) -> Self {
         let known = Self::ALL.into_iter().find(|refusal| refusal.word() == why);
-        Some(known.unwrap_or(Self::Link))
+        known.unwrap_or(Self::Link)
     }
 }
 

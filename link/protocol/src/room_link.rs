@@ -46,6 +46,14 @@ impl ServerUrl {
         }
     }
 
+    /// Its host's name or address, an IPv6 address without brackets, and its port.
+    #[must_use]
+    pub fn place(&self) -> Option<(String, u16)> {
+        let url = Url::parse(&self.base).ok()?;
+        let host = url.host_str()?.trim_matches(['[', ']']).to_owned();
+        Some((host, url.port_or_known_default()?))
+    }
+
     /// Whether it is reached by plain HTTP, from another machine.
     #[must_use]
     pub fn is_plain(&self) -> bool {

@@ -2,10 +2,14 @@
 
 use identity::{LineFile, PublicKey};
 use link_protocol::PersonName;
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
-/// People that are kept, those met first go first.
+/// People that are kept; those who were met least recently go first.
 const MOST: usize = 1000;
+/// As many new people as are kept, within so long, are reported: whoever makes up keys has others forgotten.
+const MANY_WITHIN: Duration = Duration::from_secs(86_400);
 /// Bytes of the file that are looked at.
 const MOST_BYTES: u64 = 1 << 20;
 /// Files that could not be read, which are kept.
@@ -15,7 +19,26 @@ const MOST_ASIDE: u32 = 100;
 #[derive(Debug, Default)]
 pub struct Acquaintances {
     file: Option<LineFile>,
-    met: Vec<(PublicKey, PersonName)>,
+    /// Those who were met last are last.
+    met: Vec<Acquaintance>,
+    /// When the newest of them were met first.
+    new: VecDeque<Instant>,
+}
+
+/// A person who was met.
+#[derive(Debug)]
+struct Acquaintance {
+    key: PublicKey,
+    name: PersonName,
+    /// How the name looks.
+    seen: [String; 2],
+}
+
+impl Acquaintance {
+    fn new(key: PublicKey, name: PersonName) -> Self {
+        let seen = name.as_seen();
+        Self { key, name, seen }
+    }
 }
 
 /// What is known of someone with this key and this name.
@@ -33,6 +56,13 @@ pub enum Meeting {
     /// The name is that of someone else who was met, or looks like it.
     Namesake,
 }
+
+/// That so many new people were met that all who were known before may be forgotten.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "careful: you met {MOST} people with new keys within a day, so someone may be making up keys to have you forget others: compare fingerprints with people you know"
+)]
+pub struct ManyNew;
 
 impl Acquaintances {
     /// Those in `file`, which need not be there. What of it cannot be read is told, and the file kept aside: whoever is only there is new.
@@ -53,6 +83,7 @@ impl Acquaintances {
             None => Self {
                 met,
                 file: Some(file),
+                new: VecDeque::new(),
             },
             Some((Ok(aside), why)) => {
                 log::warn!(
@@ -62,6 +93,7 @@ impl Acquaintances {
                 let another = Self {
                     met,
                     file: Some(file),
+                    new: VecDeque::new(),
                 };
                 another.keep();
                 another
@@ -71,37 +103,66 @@ impl Acquaintances {
                 log::warn!(
                     "not all whom you have met can be read from {shown} ({why}), nor can it be kept aside ({error}): whom you meet is not written down"
                 );
-                Self { met, file: None }
+                Self {
+                    met,
+                    ..Self::default()
+                }
             }
         }
     }
 
-    /// Meets someone, and keeps who is new.
+    /// Meets a person, and keeps them as the one who was met last.
     pub fn meet(&mut self, key: PublicKey, name: &PersonName) -> Meeting {
-        if let Some((_, before)) = self.met.iter().find(|(met, _)| *met == key) {
-            return if before == name {
+        if let Some(at) = self.met.iter().position(|met| met.key == key) {
+            let known = self.met.remove(at);
+            let before = known.name.clone();
+            self.met.push(known);
+            if at + 1 < self.met.len() {
+                self.keep();
+            }
+            return if before == *name {
                 Meeting::Again
             } else {
-                let before = before.clone();
                 Meeting::Renamed { before }
             };
         }
-        let seen = name.as_seen();
-        if self.met.iter().any(|(_, met)| met.as_seen() == seen) {
+        let person = Acquaintance::new(key, name.clone());
+        let looks_alike = |met: &Acquaintance| {
+            let mut both = met.seen.iter().zip(&person.seen);
+            both.any(|(met, seen)| met == seen)
+        };
+        if self.met.iter().any(looks_alike) {
             return Meeting::Namesake;
         }
         if self.met.len() >= MOST {
             self.met.remove(0);
         }
-        self.met.push((key, name.clone()));
+        self.met.push(person);
+        self.new.push_back(Instant::now());
         self.keep();
         Meeting::New
+    }
+
+    /// That as many new people as are kept were met within a day, once for each so many.
+    pub fn many_new(&mut self) -> Option<ManyNew> {
+        while self
+            .new
+            .front()
+            .is_some_and(|met| met.elapsed() > MANY_WITHIN)
+        {
+            self.new.pop_front();
+        }
+        (self.new.len() >= MOST).then(|| {
+            self.new.clear();
+            ManyNew
+        })
     }
 
     /// Writes down whom this side has met.
     fn keep(&self) {
         if let Some(file) = &self.file {
-            let lines = self.met.iter().map(|(key, name)| format!("{key} {name}"));
+            let lines =
+                (self.met.iter()).map(|Acquaintance { key, name, .. }| format!("{key} {name}"));
             if let Err(error) = file.write(lines) {
                 let path = file.path().display();
                 log::warn!("whom you have met cannot be kept in {path}: {error}");
@@ -111,9 +172,9 @@ impl Acquaintances {
 }
 
 /// A line of the file.
-fn read(line: &str) -> Option<(PublicKey, PersonName)> {
+fn read(line: &str) -> Option<Acquaintance> {
     let (key, name) = line.split_once(' ')?;
-    Some((key.parse().ok()?, name.parse().ok()?))
+    Some(Acquaintance::new(key.parse().ok()?, name.parse().ok()?))
 }
 
 /// Gives a file another name, which no other file has.
@@ -181,14 +242,36 @@ mod tests {
             }
         );
         assert_eq!(met.meet(key(2), &ada), Meeting::Namesake, "still");
-        for seed in 0..MOST {
+        let cyrillic = name("\u{410}da Lovelace");
+        assert_eq!(
+            met.meet(key(2), &cyrillic),
+            Meeting::Namesake,
+            "by another script"
+        );
+        let mut strangers = (0u64..).map(|seed| {
             let mut bytes = [9; 32];
             bytes[..8].copy_from_slice(&seed.to_le_bytes());
-            let seed = bytes;
-            let key = Identity::from_seed(&seed).expect("a key").public();
-            let _ = met.meet(key, &name(&format!("n{}", key.fingerprint())));
+            let key = Identity::from_seed(&bytes).expect("a key").public();
+            (key, name(&key.fingerprint()))
+        });
+        let mut met_by = |met: &mut Acquaintances, count: usize| {
+            for (key, name) in strangers.by_ref().take(count) {
+                assert_eq!(met.meet(key, &name), Meeting::New);
+            }
+        };
+        // The friend who was met first is met again now and then.
+        assert_eq!(met.many_new(), None);
+        for _ in 0..3 {
+            met_by(&mut met, MOST / 2);
+            assert_eq!(met.meet(key(1), &ada), Meeting::Again, "not forgotten");
+            assert_eq!(met.meet(key(2), &ada), Meeting::Namesake, "not forgotten");
         }
-        assert_eq!(Acquaintances::open(file).met.len(), MOST, "bounded");
-        assert_eq!(met.meet(key(1), &ada), Meeting::New, "forgotten");
+        assert_eq!(met.many_new(), Some(ManyNew));
+        assert_eq!(met.many_new(), None, "once");
+        let mut met = Acquaintances::open(file);
+        assert_eq!(met.met.len(), MOST, "bounded");
+        assert_eq!(met.meet(key(1), &ada), Meeting::Again, "kept");
+        met_by(&mut met, MOST);
+        assert_eq!(met.meet(key(1), &ada), Meeting::New, "least recently met");
     }
 }

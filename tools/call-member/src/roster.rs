@@ -2,7 +2,7 @@
 
 use crate::acquaintances::{Acquaintances, Meeting};
 use crate::members::{Member, Members};
-use crate::seats::{FORGIVEN, FORGOTTEN, Known, Seats, note_trouble};
+use crate::seats::{FORGIVEN, FORGOTTEN, Known, Seats, called, note_trouble};
 use anyhow::Context;
 use app_session::call::CallWatch;
 use app_session::participant::NetworkContext;
@@ -12,7 +12,7 @@ use link_http::HttpError;
 use link_protocol::calls::{CallStatus, Seat, Taken};
 use link_protocol::data_channel::PersonState;
 use link_protocol::limits::MAX_PEOPLE;
-use link_protocol::{Announcement, CallLink, Name, RoomLink};
+use link_protocol::{Announcement, CallLink, Name, PersonName, RoomLink};
 use link_voice::VoiceQueue;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -268,10 +268,8 @@ impl Roster<'_> {
             };
             if let Some(person) = known {
                 person.is_seated = true;
-                let is_same = person.taken.announcement.avatar == taken.announcement.avatar
-                    && person.taken.person == taken.person;
-                if !is_same {
-                    // Another person, or the same as another avatar.
+                // What the server says that they are called is of no account: who it is shows in the connection.
+                if person.taken.announcement.avatar != taken.announcement.avatar {
                     person.watch.leave();
                 }
                 continue;
@@ -281,10 +279,9 @@ impl Roster<'_> {
             if waits || seats.fetching.contains(&seat.room) {
                 continue;
             }
-            let name = seats.name(taken, number);
             let watch = CallWatch::default();
-            log::info!("{name} is in the call: fetching their avatar");
-            let known = Known::new(name, taken.clone(), watch.clone());
+            let known = Known::new(number, taken.clone(), watch.clone());
+            log::info!("{} is in the call: fetching their avatar", known.name);
             seats.known.insert(seat.room.clone(), known);
             arrivals.push(Expected {
                 seat: seat.room.clone(),
@@ -361,10 +358,10 @@ impl Roster<'_> {
                 "{name} has your own key ({shown}): it is you on another machine, or someone has a copy of it"
             );
         }
-        let Some(said) = &person.taken.person else {
+        let Some(signed) = person.watch.person() else {
             return format!("{name} has the key {shown}{opened}");
         };
-        match acquaintances.meet(key, said) {
+        match acquaintances.meet(key, &signed) {
             Meeting::New => format!("{name} is new to you: their key is {shown}{opened}"),
             Meeting::Again => format!("{name} is who you have met before ({shown}){opened}"),
             Meeting::Renamed { before } => {
@@ -404,6 +401,10 @@ impl Roster<'_> {
             known, troubles, ..
         } = seats;
         troubles.retain(|_, trouble| trouble.last.elapsed() <= FORGOTTEN);
+        let is_told = |person: &&Known| person.is_introduced && person.over.is_none();
+        let mut signed: Vec<PersonName> = (known.values().filter(is_told))
+            .filter_map(|person| person.watch.person())
+            .collect();
         known.retain(|seat, person| {
             let now = Instant::now();
             let bytes = person.watch.counts().payload_bytes;
@@ -412,8 +413,18 @@ impl Roster<'_> {
             }
             if let (false, Some(key)) = (person.is_introduced, person.watch.key()) {
                 person.is_introduced = true;
+                let theirs = person.watch.person();
+                person.name = called(theirs.as_ref(), person.number, &signed);
+                signed.extend(theirs);
+                let is_theirs = |member: &&mut Member| member.watch.is_same(&person.watch);
+                if let Some(member) = self.members.lock().iter_mut().find(is_theirs) {
+                    member.name.clone_from(&person.name);
+                }
                 (self.tell)(&format!("{} has joined", person.name));
                 (self.tell)(&self.introduction(person, key, acquaintances));
+                if let Some(many) = acquaintances.many_new() {
+                    (self.tell)(&many.to_string());
+                }
             }
             let (state, (before, told_at)) = (person.watch.state(), person.state);
             if state != before && told_at.is_none_or(|at| at.elapsed() >= TOLD_APART) {

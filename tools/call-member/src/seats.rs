@@ -18,6 +18,9 @@ pub(crate) const FORGOTTEN: Duration = Duration::from_secs(300);
 
 /// What is known of a taken seat.
 pub(crate) struct Known {
+    /// The seat's number, from 0.
+    pub(crate) number: usize,
+    /// What they are called: by their seat, until they have shown a name that they signed.
     pub(crate) name: String,
     pub(crate) taken: Taken,
     pub(crate) watch: CallWatch,
@@ -36,10 +39,11 @@ pub(crate) struct Known {
 }
 
 impl Known {
-    /// Someone who was not told of yet.
-    pub(crate) fn new(name: String, taken: Taken, watch: CallWatch) -> Self {
+    /// A newcomer in the seat of this number.
+    pub(crate) fn new(number: usize, taken: Taken, watch: CallWatch) -> Self {
         Self {
-            name,
+            number,
+            name: called(None, number, []),
             taken,
             watch,
             joined: None,
@@ -87,24 +91,21 @@ pub(crate) fn note_trouble(troubles: &mut HashMap<Name, Trouble>, seat: &Name, n
     troubles.insert(seat.clone(), trouble);
 }
 
-impl Seats {
-    /// What a newcomer in the seat of this number is called: as they say, unless that looks like what another one is called, or may be called.
-    pub(crate) fn name(&self, taken: &Taken, number: usize) -> String {
-        let seat = format!("person {}", number + 1);
-        let Some(name) = &taken.person else {
-            return seat;
-        };
-        let seen = name.as_seen();
-        let names = self
-            .known
-            .values()
-            .filter_map(|other| other.taken.person.as_ref());
-        let is_taken = names.map(PersonName::as_seen).any(|other| other == seen);
-        if is_taken || seen.contains("person") {
-            format!("{name} ({seat})")
-        } else {
-            name.to_string()
-        }
+/// What a person in the seat of this number is called: as they signed, unless that looks like what one of the `others` is called, or may be called.
+pub(crate) fn called<'a>(
+    signed: Option<&PersonName>,
+    number: usize,
+    others: impl IntoIterator<Item = &'a PersonName>,
+) -> String {
+    let seat = format!("person {}", number + 1);
+    let Some(name) = signed else {
+        return seat;
+    };
+    let is_taken = others.into_iter().any(|other| other.looks_like(name));
+    if is_taken || name.as_seen().iter().any(|seen| seen.contains("person")) {
+        format!("{name} ({seat})")
+    } else {
+        name.to_string()
     }
 }
 
@@ -131,25 +132,8 @@ mod tests {
 
     #[test]
     fn nobody_is_called_as_another_one_is_or_may_be() {
-        let taken = |name: Option<&str>| {
-            Taken {
-            announcement: serde_json::from_str(
-                r#"{"avatar": {"sha256": "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad", "bytes": 3},
-                "channel": "unreliable", "codec": "compact", "rate_hz": 30.0}"#,
-            )
-            .expect("an announcement"),
-            person: name.map(|name| name.parse().expect("a name")),
-        }
-        };
-        let mut seats = Seats::default();
-        let mut call = |number: u8, name: Option<&str>| {
-            let taken = taken(name);
-            let name = seats.name(&taken, usize::from(number));
-            let known = Known::new(name.clone(), taken, CallWatch::default());
-            seats.known.insert(Name::of_id([number; 16]), known);
-            name
-        };
-        let names = [
+        let mut others: Vec<PersonName> = Vec::new();
+        for (number, (name, expected)) in [
             (None, "person 1"),
             (Some("Ada"), "Ada"),
             (Some("ADA"), "ADA (person 3)"),
@@ -157,9 +141,15 @@ mod tests {
             (Some("Ada (person 2)"), "Ada (person 2) (person 5)"),
             (Some("李白"), "李白"),
             (Some("李\u{fe00}白"), "李\u{fe00}白 (person 7)"),
-        ];
-        for (number, (name, called)) in (0..).zip(names) {
-            assert_eq!(call(number, name), called);
+            (Some("\u{410}da"), "\u{410}da (person 8)"),
+            (Some("\u{440}erson 2"), "\u{440}erson 2 (person 9)"),
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let name: Option<PersonName> = name.map(|name| name.parse().expect("a name"));
+            assert_eq!(called(name.as_ref(), number, &others), expected);
+            others.extend(name);
         }
     }
 }

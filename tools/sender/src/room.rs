@@ -143,7 +143,7 @@ pub async fn enter(
                 ..announcement.into()
             };
             let (client, link) = (client.clone(), link.clone());
-            let credentials = desk.credentials.clone();
+            let credentials = desk.credentials.clone().map(|own| own.named(name.clone()));
             let door = desk.door.clone();
             let host = Sender::enter_call(client, link, entering, credentials, door, clock).await?;
             Ok(Entered {

@@ -202,7 +202,8 @@ impl Call {
                 self.announced = announced;
             }
             CallEvent::Joined => {
-                self.watch.know(self.viewer.statistics().sender);
+                let statistics = self.viewer.statistics();
+                self.watch.know(statistics.sender, statistics.person);
                 self.buffer.reset();
                 self.voice.follow(None);
             }

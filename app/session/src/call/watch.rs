@@ -1,6 +1,7 @@
 //! What a call counts and tells, for who shows it meanwhile, and the way to leave it: the call itself belongs to a lane then.
 
 use identity::PublicKey;
+use link_protocol::PersonName;
 use link_protocol::data_channel::PersonState;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, OnceLock};
@@ -30,7 +31,8 @@ struct Counts {
     hidden: AtomicBool,
     leaves: AtomicBool,
     is_over: AtomicBool,
-    sender: OnceLock<Option<PublicKey>>,
+    /// Who it is: the key, and the name that was signed with it.
+    sender: OnceLock<(Option<PublicKey>, Option<PersonName>)>,
 }
 
 impl CallWatch {
@@ -56,7 +58,13 @@ impl CallWatch {
     /// The key of the person, or that they show none; nothing before the first connection with them.
     #[must_use]
     pub fn key(&self) -> Option<Option<PublicKey>> {
-        self.0.sender.get().copied()
+        self.0.sender.get().map(|(key, _)| *key)
+    }
+
+    /// What the person is called, as they signed with their key.
+    #[must_use]
+    pub fn person(&self) -> Option<PersonName> {
+        self.0.sender.get().and_then(|(_, person)| person.clone())
     }
 
     /// Has this side leave the call with them.
@@ -80,8 +88,8 @@ impl CallWatch {
         self.0.leaves.load(Relaxed)
     }
 
-    pub(crate) fn know(&self, sender: Option<PublicKey>) {
-        self.0.sender.get_or_init(|| sender);
+    pub(crate) fn know(&self, sender: Option<PublicKey>, person: Option<PersonName>) {
+        self.0.sender.get_or_init(|| (sender, person));
     }
 
     pub(crate) fn end(&self) {

@@ -3,6 +3,7 @@
 use super::{Counts, Forwarded, OPEN_WITHIN, Source, UNKNOWN};
 use crate::peer::{Peer, PeerEvent, SendOutcome};
 use crate::plan::Planner;
+use crate::sdp::Description;
 use crate::telling::Repeated;
 use crate::voice_track::VoicePacket;
 use crate::{CallError, answer_bye, is_set, send_bye};
@@ -48,7 +49,7 @@ pub(super) trait Reply: Send {
     async fn answer(
         &mut self,
         announced: Announcement,
-        offer: &str,
+        offer: &Description,
         answer: &str,
     ) -> Result<(), CallError>;
 }
@@ -74,13 +75,13 @@ impl Stage {
     pub(super) async fn serve(
         mut self,
         _place: Place,
-        offer: String,
+        offer: Description,
         mut reply: impl Reply,
         mut left: watch::Receiver<bool>,
     ) -> Result<(), CallError> {
         let plan = self.planner.plan(&self.server, &self.ice_servers).await;
         let announced = *self.announced.borrow();
-        let (mut peer, answer) = Peer::answer(plan, announced.channel, offer.clone()).await?;
+        let (mut peer, answer) = Peer::answer(plan, announced.channel, &offer).await?;
         let introduced = timeout(OPEN_WITHIN, async {
             reply.answer(announced, &offer, &answer).await?;
             peer.introduced().await

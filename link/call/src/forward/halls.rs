@@ -6,6 +6,7 @@ use super::{Source, begin};
 use crate::CallError;
 use crate::admission::Opening;
 use crate::introduction;
+use crate::sdp::Description;
 use crate::signaling::Signaling;
 use link_playout::Clock;
 use link_protocol::limits::ANSWER_WITHIN;
@@ -79,7 +80,12 @@ impl Drop for Here {
 
 #[async_trait::async_trait]
 impl Reply for Here {
-    async fn answer(&mut self, _: Announcement, _: &str, answer: &str) -> Result<(), CallError> {
+    async fn answer(
+        &mut self,
+        _: Announcement,
+        _: &Description,
+        answer: &str,
+    ) -> Result<(), CallError> {
         let answer = introduction::introduce_forwarder(answer);
         let reply = self.answer.take().ok_or(CallError::NotConnected)?;
         // Where the request has ended its viewer is gone.
@@ -108,6 +114,7 @@ impl Halls {
         session: Name,
         offer: String,
     ) -> Result<String, CallError> {
+        let offer = Description::read(&offer)?;
         let status = room.status().await?;
         let mut source = self.hall(&room, status.announcement)?;
         // A sender that takes no forwarder is found out before its viewers are.

@@ -2,6 +2,7 @@
 
 use super::audience::{Reply, Stage};
 use crate::introduction::{self, Credentials};
+use crate::sdp::Description;
 use crate::{Backoff, CallError, is_set};
 use identity::{Keyring, Permit, PublicKey};
 use link_http::presence::Presence;
@@ -37,7 +38,7 @@ impl Reply for OverHttp {
     async fn answer(
         &mut self,
         announced: Announcement,
-        offer: &str,
+        offer: &Description,
         answer: &str,
     ) -> Result<(), CallError> {
         let room = &self.room;
@@ -103,9 +104,11 @@ impl AudienceRoom {
                     viewers.spawn(async move {
                         let served = async {
                             let (client, link) = (&room.client, &room.link);
-                            introduction::admit_viewer(client, None, link, &session, &sdp).await?;
+                            let (_, offer) =
+                                introduction::admit_viewer(client, None, link, &session, &sdp)
+                                    .await?;
                             let reply = OverHttp { room, session };
-                            stage.serve(place, sdp, reply, left).await
+                            stage.serve(place, offer, reply, left).await
                         };
                         if let Err(error) = served.await {
                             log::debug!("a viewer could not join: {error}");

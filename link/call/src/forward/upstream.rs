@@ -115,6 +115,7 @@ impl Upstream {
     pub(super) async fn run(&mut self, until: Until) -> bool {
         let mut backoff = Backoff::default();
         let mut last_here = Instant::now();
+        let mut is_told = false;
         loop {
             let mut stop = self.stop.clone();
             let joined = tokio::select! {
@@ -125,6 +126,7 @@ impl Upstream {
                 Ok(mut session) => {
                     log::info!("the sender is here (session {:08x})", session.id);
                     backoff.reset();
+                    is_told = false;
                     // The sender before may have had another clock.
                     self.counts.offset_us.store(UNKNOWN, Relaxed);
                     self.telling.send_replace(Some(Source::of(session.id)));
@@ -143,6 +145,10 @@ impl Upstream {
                 {
                     log::warn!("a sender is not forwarded: {error}");
                     return false;
+                }
+                // The other side is not who it should be. The next answer may be the sender's again.
+                Err(error) if error.is_final() && !std::mem::replace(&mut is_told, true) => {
+                    log::warn!("a sender is not forwarded: {error}");
                 }
                 Err(error) => log::debug!("the sender is not joined yet: {error}"),
             }

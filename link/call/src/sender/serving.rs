@@ -6,6 +6,7 @@ use crate::door::Stay;
 use crate::introduction;
 use crate::path::Path;
 use crate::peer::{Peer, PeerEvent, SendOutcome};
+use crate::sdp::Description;
 use crate::seal::Sealer;
 use crate::telling::{Repeated, Telling};
 use crate::visitor::Visitor;
@@ -88,6 +89,7 @@ impl Shared {
             let sealer = Sealer::new(room, self.avatar)?;
             return match take(&self.places.forwarders) {
                 Some(place) => Ok(Admitted {
+                    offer: Description::read(&offer.sdp)?,
                     visitor: None,
                     place: Some(place),
                     sealer,
@@ -96,7 +98,8 @@ impl Shared {
             };
         }
         let own = self.credentials.as_ref();
-        let visitor = introduction::admit_viewer(&self.client, own, room, name, &offer.sdp).await?;
+        let (visitor, offer_read) =
+            introduction::admit_viewer(&self.client, own, room, name, &offer.sdp).await?;
         if let Err(refusal) = self
             .door
             .knock(&visitor, offer.token.as_ref(), crate::now())
@@ -113,6 +116,7 @@ impl Shared {
         };
         match place {
             Some(place) => Ok(Admitted {
+                offer: offer_read,
                 visitor: Some(visitor),
                 place,
                 sealer: None,
@@ -154,6 +158,7 @@ fn take(places: &Arc<Semaphore>) -> Option<OwnedSemaphorePermit> {
 
 /// A viewer that is taken.
 struct Admitted {
+    offer: Description,
     /// Who it is, as far as it says so; nothing of the server's forwarder.
     visitor: Option<Visitor>,
     /// Nothing where the server does not forward.
@@ -174,7 +179,9 @@ pub(super) async fn serve_viewer(
         .plan(room.server(), &shared.ice_servers)
         .await;
     let relay = plan.relay.clone();
+    let forwards = offer.forwards;
     let Admitted {
+        offer,
         visitor,
         place,
         sealer,
@@ -191,12 +198,7 @@ pub(super) async fn serve_viewer(
         }
         admitted => admitted?,
     };
-    let Offer {
-        sdp: offer,
-        forwards,
-        ..
-    } = offer;
-    let (mut peer, answer) = Peer::answer(plan, shared.channel, offer.clone()).await?;
+    let (mut peer, answer) = Peer::answer(plan, shared.channel, &offer).await?;
     let own = shared.credentials.as_ref();
     let answer = introduction::introduce_sender(own, &room, shared.avatar, &offer, &answer)?;
     let introduced = timeout(OPEN_TIMEOUT, async {

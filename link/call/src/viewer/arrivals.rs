@@ -54,7 +54,7 @@ impl Call {
                 }
             }
             Arrived::Unsealed => {
-                if let Err(error) = self.meet(session.sender) {
+                if let Err(error) = self.meet(session.sender, session.person.clone()) {
                     return Handled::Refused(error);
                 }
                 self.voice.begin_connection();
