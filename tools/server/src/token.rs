@@ -8,9 +8,11 @@ use crate::{Id, Secret, ServerError};
 use base64::Engine;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use hmac::{Hmac, Mac};
-use link_protocol::limits::MAX_PEOPLE;
+use link_protocol::limits::{MAX_PEOPLE, SEATS_PER_ADDRESS};
 use sha2::Sha256;
+use std::net::IpAddr;
 use std::time::{SystemTime, UNIX_EPOCH};
+use turn_server::network_prefix;
 
 const VERSION: u8 = 2;
 const CLAIMS_BYTES: usize = 58;
@@ -41,6 +43,8 @@ pub(crate) struct Claims {
     pub(crate) expires: u64,
     /// What the token is called, to revoke it by: random.
     pub(crate) name: Id,
+    /// Of a member: the seats of the call that one network address may have; 0 for as many as a call has where nothing else is said.
+    seats_per_address: u8,
 }
 
 impl Claims {
@@ -62,7 +66,22 @@ impl Claims {
             room,
             expires,
             name: Id::random()?,
+            seats_per_address: 0,
         })
+    }
+
+    /// The same for a call of which one network address may have so many seats.
+    pub(crate) fn with_seats_per_address(mut self, seats: u8) -> Self {
+        self.seats_per_address = seats;
+        self
+    }
+
+    /// Of a member: the seats of the call that one network address may have.
+    pub(crate) fn seats_per_address(&self) -> u8 {
+        match self.seats_per_address {
+            0 => SEATS_PER_ADDRESS,
+            seats => seats,
+        }
     }
 
     /// The room, or a member's call.
@@ -83,7 +102,8 @@ impl Claims {
     fn bytes(&self) -> [u8; CLAIMS_BYTES] {
         let mut bytes = [0; CLAIMS_BYTES];
         bytes[0] = VERSION;
-        bytes[1] = self.role as u8;
+        // The role has four bits, and so have the seats: both are 8 at most.
+        bytes[1] = self.role as u8 | self.seats_per_address << 4;
         bytes[2..10].copy_from_slice(&self.expires.to_le_bytes());
         bytes[10..26].copy_from_slice(self.owner.as_bytes());
         bytes[26..42].copy_from_slice(self.room.as_bytes());
@@ -113,7 +133,7 @@ impl Claims {
         }
         let (claims, tag) = bytes.split_at(CLAIMS_BYTES);
         mac(secret, claims).verify_slice(tag).ok()?;
-        let role = match (claims[0], claims[1]) {
+        let role = match (claims[0], claims[1] & 0xf) {
             (VERSION, 1) => Role::Owner,
             (VERSION, 2) => Role::Sender,
             (VERSION, 3) => Role::Viewer,
@@ -126,6 +146,7 @@ impl Claims {
             owner: Id::from_bytes(claims[10..26].try_into().ok()?),
             room: Id::from_bytes(claims[26..42].try_into().ok()?),
             name: Id::from_bytes(claims[42..58].try_into().ok()?),
+            seats_per_address: claims[1] >> 4,
         })
     }
 }
@@ -145,6 +166,20 @@ impl Secret {
         let mut seat = [0; 16];
         seat.copy_from_slice(&digest[..16]);
         Id::from_bytes(seat)
+    }
+
+    /// What the network of `address` is called in a room or a call: the same for one IPv4 address or one IPv6 /64, and another name in another room.
+    pub(crate) fn network(&self, room: Id, address: IpAddr) -> Id {
+        let mut mac = mac_of(self, b"mon3tr network\0");
+        mac.update(room.as_bytes());
+        match network_prefix(address) {
+            IpAddr::V4(address) => mac.update(&address.octets()),
+            IpAddr::V6(address) => mac.update(&address.octets()),
+        }
+        let digest: [u8; MAC_BYTES] = mac.finalize().into_bytes().into();
+        let mut network = [0; 16];
+        network.copy_from_slice(&digest[..16]);
+        Id::from_bytes(network)
     }
 
     /// A token with which the owner called `name` opens rooms and puts packages until `expires` (Unix seconds).
@@ -218,6 +253,46 @@ mod tests {
             !owner.may(&[Role::Owner, Role::Sender], Id::from_bytes([0; 16])),
             "an owner's token is no room's"
         );
+        Ok(())
+    }
+
+    #[test]
+    fn a_members_token_says_how_many_seats_an_address_may_have()
+    -> Result<(), Box<dyn std::error::Error>> {
+        let secret = Secret::random()?;
+        let (owner, call) = (Id::random()?, Id::random()?);
+        let member = Claims::in_room(Role::Member, owner, call, 1000)?;
+        assert_eq!(member.seats_per_address(), 3, "nothing is said");
+        for seats in 1..=8 {
+            let token = member.with_seats_per_address(seats).sign(&secret);
+            let read = Claims::verify(&token, &secret, 0).ok_or("genuine")?;
+            assert_eq!((read.role, read.seats_per_address()), (Role::Member, seats));
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn a_network_has_one_name_in_one_room() -> Result<(), Box<dyn std::error::Error>> {
+        let secret = Secret::random()?;
+        let [room, other] = [Id::random()?, Id::random()?];
+        let name = |room, address: &str| {
+            let address = address.parse::<IpAddr>();
+            address.map(|address| secret.network(room, address))
+        };
+        let same = [
+            ("192.0.2.1", "::ffff:192.0.2.1"),
+            ("2001:db8:0:1::1", "2001:db8:0:1:ffff:ffff:ffff:ffff"),
+        ];
+        for (one, two) in same {
+            assert_eq!(name(room, one)?, name(room, two)?, "{one} and {two}");
+            assert_ne!(name(room, one)?, name(other, one)?, "of another room");
+        }
+        for (one, two) in [
+            ("192.0.2.1", "192.0.2.2"),
+            ("2001:db8:0:1::1", "2001:db8:0:2::1"),
+        ] {
+            assert_ne!(name(room, one)?, name(room, two)?, "{one} and {two}");
+        }
         Ok(())
     }
 
