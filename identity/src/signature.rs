@@ -23,6 +23,8 @@ pub enum Purpose {
     Seal,
     /// What a guest's secret is made of; such a signature is shown to nobody.
     Guest,
+    /// A member's key, which the other members of a call are shown.
+    Member,
 }
 
 impl Purpose {
@@ -36,6 +38,7 @@ impl Purpose {
             Self::Permit => b"mon3tr permit 1\n",
             Self::Seal => b"mon3tr seal 1\n",
             Self::Guest => b"mon3tr guest 1\n",
+            Self::Member => b"mon3tr member 1\n",
         };
         [name, text].concat()
     }

@@ -7,7 +7,6 @@
 use crate::visitor::Visitor;
 use crate::{CallError, guests, now, proof};
 use identity::{Identity, IdentityError, Keyring, Permit, PublicKey, Purpose};
-use link_http::Client;
 use link_protocol::{Guest, GuestPass, Name, PackageId, Refusal, RoomLink};
 
 /// How the lines begin: the MAC; `KEY SIGNATURE`; and a permit as its text has it.
@@ -244,22 +243,8 @@ impl Authentication {
     }
 }
 
-/// Takes the viewer of this session, who has the room's link; or answers that it is not taken. Who it is, as far as it says so.
-pub(crate) async fn admit_viewer(
-    client: &Client,
-    own: Option<&Credentials>,
-    room: &RoomLink,
-    session: &Name,
-    offer: &str,
-) -> Result<Visitor, CallError> {
-    let checked = check_viewer(own, room, offer);
-    if checked.is_err() {
-        (client.answer(room, session, &Refusal::Link.answer())).await?;
-    }
-    checked
-}
-
-fn check_viewer(
+/// Takes the viewer who made `offer` and has the room's link. Who it is, as far as it says so.
+pub(crate) fn check_viewer(
     own: Option<&Credentials>,
     room: &RoomLink,
     offer: &str,

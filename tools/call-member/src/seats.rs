@@ -1,6 +1,7 @@
 //! The seats of a call as the roster knows them: who sits there, what they are called, and how long one in whom something failed has to wait.
 
 use app_session::call::CallWatch;
+use identity::PublicKey;
 use link_protocol::calls::Taken;
 use link_protocol::data_channel::PersonState;
 use link_protocol::{Name, PersonName};
@@ -20,6 +21,8 @@ pub(crate) const FORGOTTEN: Duration = Duration::from_secs(300);
 pub(crate) struct Known {
     pub(crate) name: String,
     pub(crate) taken: Taken,
+    /// Their key, as they prove it to all members.
+    pub(crate) key: PublicKey,
     pub(crate) watch: CallWatch,
     /// When they were handed over.
     pub(crate) joined: Option<Instant>,
@@ -37,10 +40,11 @@ pub(crate) struct Known {
 
 impl Known {
     /// Someone who was not told of yet.
-    pub(crate) fn new(name: String, taken: Taken, watch: CallWatch) -> Self {
+    pub(crate) fn new(name: String, taken: Taken, key: PublicKey, watch: CallWatch) -> Self {
         Self {
             name,
             taken,
+            key,
             watch,
             joined: None,
             is_introduced: false,
@@ -59,6 +63,8 @@ pub(crate) struct Seats {
     /// Of which an avatar is being fetched. It may be for one who has left: nothing else is fetched until that ends.
     pub(crate) fetching: HashSet<Name>,
     pub(crate) troubles: HashMap<Name, Trouble>,
+    /// Whose occupants prove no key, which was told.
+    pub(crate) unproved: HashSet<Name>,
 }
 
 /// Of a seat that stayed taken while the call with who sat there was over: the avatar does not load, or there is no room for it. Whoever comes next
@@ -139,13 +145,16 @@ mod tests {
             )
             .expect("an announcement"),
             person: name.map(|name| name.parse().expect("a name")),
+            proof: None,
         }
         };
         let mut seats = Seats::default();
         let mut call = |number: u8, name: Option<&str>| {
             let taken = taken(name);
             let name = seats.name(&taken, usize::from(number));
-            let known = Known::new(name.clone(), taken, CallWatch::default());
+            let identity = identity::Identity::from_seed(&[number; 32]).expect("a key");
+            let key = identity.public();
+            let known = Known::new(name.clone(), taken, key, CallWatch::default());
             seats.known.insert(Name::of_id([number; 16]), known);
             name
         };

@@ -7,6 +7,7 @@ mod bounds;
 mod hang_up;
 mod membership;
 mod packets;
+mod relay;
 mod secrets;
 
 /// How often an attack is repeated, or how many seconds it lasts: `bounded` among the other tests, `whole` by `./run attacks`.
