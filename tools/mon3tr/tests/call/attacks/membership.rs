@@ -266,7 +266,7 @@ fn a_member_who_is_sent_away_stays_away_and_a_locked_call_takes_nobody_new() {
     ada.0.says("the call is locked for you", 1);
     let (mut zoe, _zoes) = member(&house, "zoe", &[&link]);
     bob.0.says("zoe has joined", 1);
-    zoe.says("the room is locked", 1);
+    zoe.says("bob has joined", 1);
     assert!(!ada.0.said().contains("zoe has joined"), "{}", ada.0.said());
     types(&mut adas, "l");
     ada.0.says("the call is open for you again", 1);
