@@ -25,6 +25,8 @@ pub enum Purpose {
     Guest,
     /// What a sender is called, on a connection to one viewer.
     Name,
+    /// A member's key, which the other members of a call are shown.
+    Member,
 }
 
 impl Purpose {
@@ -39,6 +41,7 @@ impl Purpose {
             Self::Seal => b"mon3tr seal 1\n",
             Self::Guest => b"mon3tr guest 1\n",
             Self::Name => b"mon3tr name 1\n",
+            Self::Member => b"mon3tr member 1\n",
         };
         [name, text].concat()
     }

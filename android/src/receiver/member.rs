@@ -272,6 +272,7 @@ impl Member<'_> {
             members: Members::default(),
             acquaintances: Acquaintances::open(self.task.launch.folders.people_met()),
             offers: host.offers(),
+            door: self.desk.door.clone(),
             longest: None,
             network: &self.network,
             stop: &self.stop,

@@ -35,6 +35,9 @@ pub enum CallError {
     /// The sender does not take this viewer.
     #[error("{}", refused(*.0))]
     Refused(Refusal),
+    /// A viewer of a seat whose key sits in no seat of the call.
+    #[error("it sits in no seat of the call, or shows no key")]
+    NotSeated,
     /// The sender has as many viewers as it takes.
     #[error(
         "the sender has as many viewers as it serves, and its server forwards to no more of them (`serve --forward` says to how many)"
@@ -149,6 +152,9 @@ fn refused(refusal: Refusal) -> &'static str {
             "only the performer's guests come in, each by a link of their own: ask the performer for one"
         }
         Refusal::Expired => "your link has ended: ask the performer for another one",
+        Refusal::Seat => {
+            "only those who sit in the call see and hear the others: take a seat with `mon3tr call LINK`, by the call's own link"
+        }
         Refusal::Nameless => {
             "the performer is asked about each viewer, and you show no key by which you could be told from others: mend your key (`mon3tr keys`)"
         }

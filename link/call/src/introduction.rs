@@ -9,7 +9,6 @@ use crate::visitor::Visitor;
 use crate::{CallError, guests, now, proof};
 use data_encoding::BASE64URL_NOPAD;
 use identity::{Identity, IdentityError, Keyring, Permit, PublicKey, Purpose, Signature};
-use link_http::Client;
 use link_protocol::{Guest, GuestPass, Name, PackageId, PersonName, Refusal, RoomLink};
 
 /// How the lines begin: the MAC; `KEY SIGNATURE`; a permit as its text has it; and `NAME SIGNATURE`, the name in base64url.
@@ -290,22 +289,8 @@ impl Authentication {
     }
 }
 
-/// Takes the viewer of this session, who has the room's link; or answers that it is not taken. Who it is, as far as it says so, and its offer.
-pub(crate) async fn admit_viewer(
-    client: &Client,
-    own: Option<&Credentials>,
-    room: &RoomLink,
-    session: &Name,
-    offer: &str,
-) -> Result<(Visitor, Description), CallError> {
-    let checked = check_viewer(own, room, offer);
-    if checked.is_err() {
-        (client.answer(room, session, &Refusal::Link.answer())).await?;
-    }
-    checked
-}
-
-fn check_viewer(
+/// Takes the viewer who made `offer` and has the room's link. Who it is, as far as it says so, and its offer as it was read.
+pub(crate) fn check_viewer(
     own: Option<&Credentials>,
     room: &RoomLink,
     offer: &str,

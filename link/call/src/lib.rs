@@ -47,6 +47,7 @@ pub mod forward;
 mod guests;
 mod introduction;
 mod losses;
+pub mod membership;
 mod nudge;
 pub mod path;
 mod peer;

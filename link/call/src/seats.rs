@@ -4,12 +4,20 @@ use crate::CallError;
 use link_http::presence::Presence;
 use link_http::{Client, HttpError};
 use link_protocol::calls::{EnterRoom, Seat};
-use link_protocol::limits::MAX_PEOPLE;
-use link_protocol::{CallLink, RoomLink};
+use link_protocol::limits::{MAX_PEOPLE, SEAT_KEPT};
+use link_protocol::{CallLink, Name, RoomLink};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::time::{Instant, sleep, timeout};
 
 /// Seats that are tried: others may take one at the same moment.
 const ATTEMPTS: usize = 2 * MAX_PEOPLE;
+
+/// Between two looks whether a seat that is kept for someone has become free.
+const LOOK_AGAIN: Duration = Duration::from_millis(500);
+
+/// For the server to take note that a seat is left.
+const LEAVE_WITHIN: Duration = Duration::from_secs(1);
 
 /// Where a sender is met: in a room that was opened for it, or in a seat of a call, which may become another one. Clones share it.
 #[derive(Debug, Clone)]
@@ -75,6 +83,18 @@ impl Venue {
         }
     }
 
+    /// Tells the server that the seat of `occupant` is left on purpose, so that it is not kept.
+    pub(crate) async fn leave(&self, client: &Client, occupant: Option<&Name>) {
+        let (Some(_), Some(occupant)) = (&self.call, occupant) else {
+            return;
+        };
+        let room = self.room();
+        let left = timeout(LEAVE_WITHIN, client.leave_seat(&room, occupant));
+        if !matches!(left.await, Ok(Ok(()))) {
+            log::debug!("the server keeps the seat for a while");
+        }
+    }
+
     fn locked(&self) -> MutexGuard<'_, RoomLink> {
         // A link is whole after a panic elsewhere.
         self.room.lock().unwrap_or_else(PoisonError::into_inner)
@@ -88,12 +108,21 @@ async fn take_seat(
 ) -> Result<(RoomLink, Presence), CallError> {
     let mut refused = Vec::new();
     let mut why = CallError::Full;
-    for _ in 0..ATTEMPTS {
+    let until = Instant::now() + SEAT_KEPT + LOOK_AGAIN;
+    let mut attempts = 0;
+    while attempts < ATTEMPTS {
         let status = client.call_status(call).await?;
-        let is_free = |seat: &&Seat| seat.taken.is_none() && !refused.contains(&seat.room);
+        let is_free =
+            |seat: &&Seat| seat.taken.is_none() && !seat.kept && !refused.contains(&seat.room);
         let Some(free) = status.seats.iter().find(is_free) else {
+            // Whoever was there may have been this side, which was killed.
+            if status.seats.iter().any(|seat| seat.kept) && Instant::now() < until {
+                sleep(LOOK_AGAIN).await;
+                continue;
+            }
             break;
         };
+        attempts += 1;
         let seat = call.seat(&free.room);
         match client.open_presence(&seat, entering).await {
             // Another one was faster.

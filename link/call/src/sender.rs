@@ -3,23 +3,27 @@
 //! Each viewer has a task, a connection and an encoder of its own, so that a viewer's bad network does not affect the others. Where the server
 //! forwards, only so many are served so; the server is one viewer more, which hands on what is sealed for it.
 
+mod attendance;
 mod ending;
+mod hearing;
 mod serving;
 mod watching;
 
 use crate::admission::{MOST_OPENING, Opening, Refusals};
-use crate::door::Door;
+use crate::door::{Door, MOST_INSIDE};
 use crate::introduction::Credentials;
 use crate::losses::WantedCopies;
 use crate::path::Path;
 use crate::plan::Planner;
 use crate::privacy::Privacy;
 use crate::seats::Venue;
-use crate::{Backoff, CallError, addresses, is_set, now, renew};
+use crate::{CallError, addresses, is_set, membership, now, renew};
+use attendance::Attendance;
 use ending::{end_sessions, end_who_is_over};
+use hearing::Hearing;
 use link_codec::{Codec, Micros, MotionFrame};
+use link_http::Client;
 use link_http::presence::Presence;
-use link_http::{Client, HttpError};
 use link_playout::Clock;
 use link_protocol::announcement::ChannelMode;
 use link_protocol::calls::EnterRoom;
@@ -39,16 +43,13 @@ use tokio::task::JoinSet;
 use tokio::time::Instant;
 use watching::Watching;
 
-/// Viewers at once: what a home's uplink carries easily.
-const MAX_VIEWERS: usize = 32;
-
 /// Viewers at once that are served directly where the server forwards to more: as many as may sit in a call.
 const DIRECT_VIEWERS: usize = MAX_PEOPLE;
 
 /// Forwarders at once: each instance of the server may have one.
 const MAX_FORWARDERS: usize = 8;
 
-/// The shortest time from one doubt to the next: while the room is entered again, newcomers find it empty for a moment.
+/// The shortest time from one doubt to the next: each costs a connection to the server.
 const DOUBT_AGAIN: Duration = Duration::from_secs(3);
 
 /// Packets of voice that may wait for a viewer's task: a fifth of a second.
@@ -119,7 +120,7 @@ impl Counts {
 
     fn took(&self, path: Path) {
         let mut paths = self.paths();
-        if paths.len() >= MAX_VIEWERS {
+        if paths.len() >= MOST_INSIDE {
             paths.remove(0);
         }
         paths.push(path);
@@ -134,6 +135,13 @@ struct Places {
     forwards: Arc<AtomicBool>,
     viewers: Arc<Semaphore>,
     forwarders: Arc<Semaphore>,
+}
+
+impl Places {
+    /// The server does not forward, unless it says so again.
+    fn without_forwarder(&self) {
+        self.forwards.store(false, Relaxed);
+    }
 }
 
 impl Default for Places {
@@ -166,7 +174,8 @@ struct Shared {
     copies: WantedCopies,
     offered: Arc<Notify>,
     stop: watch::Receiver<bool>,
-    /// Tells of a viewer that is silent.
+    /// Which viewers are silent, and that so many are that this side's own way is in doubt.
+    hearing: Hearing,
     doubt: Arc<Notify>,
     /// For viewers and for the server's forwarders, where it forwards.
     places: Places,
@@ -206,18 +215,20 @@ impl Sender {
         ))
     }
 
-    /// As [`Self::enter`], in the first free seat of `call`. Whoever loses it in an outage takes another one.
+    /// As [`Self::enter`], in the first free seat of `call`. Whoever loses it in an outage takes another one. Viewers are taken alone whose keys sit in the call, as
+    /// `door` is told by [`Door::seat_members`].
     ///
     /// # Errors
     /// [`CallError::Full`], or as [`Self::enter`].
     pub async fn enter_call(
         client: Client,
         call: CallLink,
-        entering: EnterRoom,
+        mut entering: EnterRoom,
         credentials: Option<Credentials>,
         door: Door,
         clock: Clock,
     ) -> Result<Self, CallError> {
+        entering.proof = (credentials.as_ref()).and_then(|own| membership::prove(own, &call));
         let (venue, presence) = Venue::of_call(&client, call, &entering).await?;
         Ok(Self::start(
             client,
@@ -265,6 +276,7 @@ impl Sender {
             copies: copies.clone(),
             offered: Arc::clone(&offered),
             stop: stopped,
+            hearing: Hearing::default(),
             doubt: Arc::default(),
             places: Places::default(),
             refusals: Refusals::default(),
@@ -369,27 +381,13 @@ impl Sender {
     }
 }
 
-/// Has the room entered anew: the stream may have begun at an address that is gone, and would be silent for long.
-fn enter_again(
-    why: &str,
-    client: &mut Client,
-    presence: &mut Option<Presence>,
-    backoff: &mut Backoff,
-) {
-    log::info!("{why}: entering the room again");
-    renew(client);
-    *presence = None;
-    backoff.reset();
-}
-
 /// Keeps up the presence and starts a task for every viewer's offer.
 async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: Presence) {
     let mut stop = shared.stop.clone();
-    let mut presence = Some(presence);
+    let mut attendance = Attendance::new(presence);
     let mut viewers = JoinSet::new();
     let mut leaving: HashMap<Name, watch::Sender<bool>> = HashMap::new();
     let mut forwarders: HashSet<Name> = HashSet::new();
-    let mut backoff = Backoff::default();
     let mut here = addresses::Watch::begin();
     let (doubt, door) = (Arc::clone(&shared.doubt), shared.door.clone());
     let mut doubted: Option<Instant> = None;
@@ -399,7 +397,8 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
         let event = tokio::select! {
             () = is_set(&mut stop) => break,
             () = here.lost() => {
-                enter_again("this machine's address has changed", &mut shared.client, &mut presence, &mut backoff);
+                renew(&mut shared.client);
+                attendance.renew("this machine's address has changed", &shared, &entering);
                 // What the new network lets through is found out before the viewers' new offers come.
                 let ahead = shared.clone();
                 tokio::spawn(async move {
@@ -410,7 +409,8 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
             }
             () = doubt.notified() => {
                 if doubted.is_none_or(|last| last.elapsed() > DOUBT_AGAIN) {
-                    enter_again("a viewer is silent", &mut shared.client, &mut presence, &mut backoff);
+                    renew(&mut shared.client);
+                    attendance.renew("viewers are silent", &shared, &entering);
                     doubted = Some(Instant::now());
                 }
                 continue;
@@ -421,11 +421,11 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
                 let revoked = door.revoked(MAX_REVOKED, now());
                 if revoked != entering.revoked {
                     entering.revoked = revoked;
-                    enter_again("a guest's link is revoked", &mut shared.client, &mut presence, &mut backoff);
+                    attendance.renew("a guest's link is revoked", &shared, &entering);
                 }
                 continue;
             }
-            event = next_event(&shared, &entering, &mut presence, &mut backoff) => event,
+            event = attendance.next(&shared, &entering) => event,
             Some(_) = viewers.join_next(), if !viewers.is_empty() => {
                 leaving.retain(|_, leave| !leave.is_closed());
                 forwarders.retain(|session| leaving.contains_key(session));
@@ -438,9 +438,10 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
                 sdp,
                 forwards,
                 token,
+                network,
             } => {
                 shared.offered.notify_one();
-                if let Some(oldest) = shared.opening.begin(&session)
+                if let Some(oldest) = shared.opening.begin(&session, network.as_ref())
                     && let Some(leave) = leaving.remove(&oldest)
                 {
                     leave.send_replace(true);
@@ -457,6 +458,7 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
                         sdp,
                         forwards,
                         token,
+                        network,
                     };
                     if let Err(error) = serve_viewer(shared, &session, offer, left).await {
                         refusals.tell(&error);
@@ -473,7 +475,7 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
                 }
             }
             // Another server of the same call did not know yet that the seat was taken.
-            PresenceEvent::Replaced if shared.venue.is_of_call() => presence = None,
+            PresenceEvent::Replaced if shared.venue.is_of_call() => attendance.lose(),
             PresenceEvent::Replaced => {
                 log::warn!("another sender has entered the room: new viewers go there");
                 // Whoever the other one hands over is forwarded to from there; the viewers of this sender itself may stay.
@@ -487,51 +489,11 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
             }
         }
     }
-    drop(presence);
+    let leaves = shared
+        .venue
+        .leave(&shared.client, entering.occupant.as_ref());
+    leaves.await;
+    drop(attendance);
     looks.abort();
     while viewers.join_next().await.is_some() {}
-}
-
-/// The presence's next event, after as many new presences as it takes.
-async fn next_event(
-    shared: &Shared,
-    entering: &EnterRoom,
-    presence: &mut Option<Presence>,
-    backoff: &mut Backoff,
-) -> PresenceEvent {
-    let mut is_told = false;
-    loop {
-        if let Some(open) = presence {
-            match open.next().await {
-                Ok(event) => return event,
-                Err(error) => {
-                    log::warn!("the server cannot be reached ({error}): calls go on, trying again");
-                    *presence = None;
-                }
-            }
-        }
-        tokio::time::sleep(backoff.next()).await;
-        match shared.venue.come_back(&shared.client, entering).await {
-            Ok(open) => {
-                log::info!("in the room again");
-                // Another instance, or a server that was started otherwise.
-                shared.places.forwards.store(false, Relaxed);
-                backoff.reset();
-                *presence = Some(open);
-            }
-            Err(CallError::Http(HttpError::Unauthorized { .. })) => {
-                log::warn!(
-                    "the room has expired, or its token was taken back: calls go on, but no other viewer can join; open another room"
-                );
-                return std::future::pending().await;
-            }
-            Err(CallError::Http(error @ HttpError::NotFound { .. })) if !is_told => {
-                is_told = true;
-                log::warn!(
-                    "the server has this avatar no longer ({error}): calls go on, but no other viewer can join; leave, and come back, which puts it there again"
-                );
-            }
-            Err(error) => log::debug!("not in the room: {error}"),
-        }
-    }
 }

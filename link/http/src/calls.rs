@@ -4,17 +4,16 @@ use std::time::Duration;
 
 use reqwest::{Method, StatusCode};
 
-use crate::client::{CALL, OPEN_CALL};
+use crate::client::{CALL, LEAVE_SEAT, OPEN_CALL};
 use crate::{Client, HttpError};
-use link_protocol::CallLink;
 use link_protocol::Token;
-use link_protocol::calls::{CallStatus, OpenedCall};
+use link_protocol::calls::{CallStatus, LeaveSeat, OpenCall, OpenedCall};
 use link_protocol::limits::MAX_PEOPLE;
 use link_protocol::room_link::ServerUrl;
-use link_protocol::rooms::OpenRoom;
+use link_protocol::{CallLink, Name, RoomLink};
 
 impl Client {
-    /// Opens a call. Without a `lifetime` the server chooses one.
+    /// Opens a call. Without a `lifetime` the server chooses one. One network address may take `seats_per_address` seats of it, three where nothing is said.
     ///
     /// # Errors
     /// [`HttpError::Unauthorized`] if this is no owner's token of that server, [`HttpError::NotFound`] of a server that is too old, and those of any
@@ -24,10 +23,12 @@ impl Client {
         server: &ServerUrl,
         owner_token: &str,
         lifetime: Option<Duration>,
+        seats_per_address: Option<u8>,
     ) -> Result<CallLink, HttpError> {
         let token = Token::new(owner_token)?;
-        let order = OpenRoom {
+        let order = OpenCall {
             lifetime_s: lifetime.map(|lifetime| lifetime.as_secs()),
+            seats_per_address,
         };
         let request = self
             .request(Method::POST, server, &token, &["calls"])?
@@ -60,5 +61,23 @@ impl Client {
         let mut status: CallStatus = reply.json(server, link.token(), CALL)?;
         status.seats.truncate(MAX_PEOPLE);
         Ok(status)
+    }
+
+    /// Leaves a seat on purpose: the server frees it as soon as the presence of `occupant` there ends. A server that is too old frees it so in any case.
+    ///
+    /// # Errors
+    /// Those of any request.
+    pub async fn leave_seat(&self, seat: &RoomLink, occupant: &Name) -> Result<(), HttpError> {
+        let (server, token) = (seat.server(), seat.token());
+        let segments = ["rooms", seat.room().as_str(), "presence"];
+        let leaving = LeaveSeat {
+            occupant: occupant.clone(),
+        };
+        let request = (self.request(Method::DELETE, server, token, &segments)?).json(&leaving);
+        let reply = self.exchange(server, LEAVE_SEAT, request).await?;
+        match reply.status {
+            StatusCode::NO_CONTENT | StatusCode::METHOD_NOT_ALLOWED => Ok(()),
+            _ => Err(reply.refusal(server, token, LEAVE_SEAT)),
+        }
     }
 }

@@ -413,6 +413,7 @@ pub(crate) const CALL: &str = "tell who is in the call";
 pub(crate) const ROOM: &str = "tell about the room";
 pub(crate) const OFFER: &str = "pass on an offer";
 pub(crate) const LEAVE: &str = "end the session";
+pub(crate) const LEAVE_SEAT: &str = "leave the seat";
 pub(crate) const PRESENCE: &str = "note the sender's presence";
 pub(crate) const ANSWER: &str = "pass on an answer";
 pub(crate) const HAS_PACKAGE: &str = "look for a package";

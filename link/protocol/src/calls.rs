@@ -1,10 +1,54 @@
 //! The JSON bodies about calls of several: opening one, and who is in it.
 
+use crate::limits::MAX_MEMBER_PROOF;
 use crate::{Announcement, IceServers, Name, PersonName};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// The answer to the request that opens a call, whose body is that of a room's ([`OpenRoom`](crate::rooms::OpenRoom)). Its [`Debug`] hides the token.
+/// The body of the request that opens a call.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct OpenCall {
+    /// How long the members' token is valid, seconds; the server's choice where nothing is said.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lifetime_s: Option<u64>,
+    /// How many seats one network address may take, 1 to [`MAX_PEOPLE`](crate::limits::MAX_PEOPLE); [`SEATS_PER_ADDRESS`](crate::limits::SEATS_PER_ADDRESS)
+    /// where nothing is said.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seats_per_address: Option<u8>,
+}
+
+/// What a member shows the other members by way of the server: that it has the call's link, and its key with a signature. The server passes it on unread.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct MemberProof(String);
+
+impl MemberProof {
+    /// The lines, as they are in an offer or answer.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl TryFrom<String> for MemberProof {
+    type Error = &'static str;
+
+    fn try_from(lines: String) -> Result<Self, Self::Error> {
+        let is_text = |byte: u8| byte.is_ascii_graphic() || b" \r\n".contains(&byte);
+        if lines.len() > MAX_MEMBER_PROOF || !lines.bytes().all(is_text) {
+            return Err("a member's proof is 512 characters of ASCII at most");
+        }
+        Ok(Self(lines))
+    }
+}
+
+impl From<MemberProof> for String {
+    fn from(proof: MemberProof) -> Self {
+        proof.0
+    }
+}
+
+/// The answer to [`OpenCall`]. Its [`Debug`] hides the token.
 #[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct OpenedCall {
     /// The call's name.
@@ -42,6 +86,14 @@ pub struct Seat {
     /// Who is there; nothing where it is free.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub taken: Option<Taken>,
+    /// Whether the seat is kept for its occupant, whose presence stream has broken a short time ago. No other member can take it.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub kept: bool,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 /// The person on a seat.
@@ -52,6 +104,16 @@ pub struct Taken {
     /// What they are called.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub person: Option<PersonName>,
+    /// Which key they have.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub proof: Option<MemberProof>,
+}
+
+/// The body of the request by which an occupant leaves its seat on purpose.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LeaveSeat {
+    /// As in [`EnterRoom`].
+    pub occupant: Name,
 }
 
 /// The body of the request that enters a room as its sender.
@@ -66,6 +128,9 @@ pub struct EnterRoom {
     /// Made up by the program that takes a seat, and told to the server alone. A seat is taken again only by the program that says the same; others are refused while it is taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub occupant: Option<Name>,
+    /// Of a member: which key it has, for the other members.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub proof: Option<MemberProof>,
     /// Viewers' tokens that hold no longer, by their names ([`ViewerToken`](crate::rooms::ViewerToken)): the newest [`MAX_REVOKED`](crate::limits::MAX_REVOKED).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub revoked: Vec<Name>,
@@ -77,6 +142,7 @@ impl From<Announcement> for EnterRoom {
             announcement,
             person: None,
             occupant: None,
+            proof: None,
             revoked: Vec::new(),
         }
     }
@@ -97,6 +163,13 @@ mod tests {
         let named = format!(r#"{{{AVATAR},"person":"Ada","occupant":"o1"}}"#);
         let enter: EnterRoom = serde_json::from_str(&named).expect("a member's");
         assert_eq!(enter.person.as_ref().map(PersonName::as_str), Some("Ada"));
+        let proved = format!(r#"{{{AVATAR},"proof":"a=x:y\r\n"}}"#);
+        let enter: EnterRoom = serde_json::from_str(&proved).expect("a proof of two lines");
+        assert_eq!(serde_json::to_string(&enter).expect("written"), proved);
+        for wrong in ["\\u001b[2J".to_owned(), "a".repeat(513)] {
+            let wrong = format!(r#"{{{AVATAR},"proof":"{wrong}"}}"#);
+            assert!(serde_json::from_str::<EnterRoom>(&wrong).is_err());
+        }
         let steering = format!(r#"{{{AVATAR},"person":"\u001b[2J"}}"#);
         assert!(serde_json::from_str::<EnterRoom>(&steering).is_err());
         let slow = named.replace("30.0", "0.5");
@@ -109,10 +182,11 @@ mod tests {
     #[test]
     fn seats_are_read_as_written_and_a_token_is_not_shown() {
         let text = format!(
-            r#"{{"seats":[{{"room":"r1","taken":{{"announcement":{{{AVATAR}}},"person":"Ada"}}}},{{"room":"r2"}}]}}"#
+            r#"{{"seats":[{{"room":"r1","taken":{{"announcement":{{{AVATAR}}},"person":"Ada"}}}},{{"room":"r2"}},{{"room":"r3","kept":true}}]}}"#
         );
         let status: CallStatus = serde_json::from_str(&text).expect("a status");
         assert!(status.seats[1].taken.is_none(), "the second one is free");
+        assert!(!status.seats[1].kept && status.seats[2].kept);
         assert_eq!(serde_json::to_string(&status).expect("written"), text);
         let opened: OpenedCall =
             serde_json::from_str(r#"{"call":"c1","member_token":"secret","expires":9}"#)

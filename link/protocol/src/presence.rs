@@ -18,6 +18,8 @@ pub enum PresenceEvent {
         forwards: bool,
         /// What the server calls the viewer's token; nothing of its own forwarder and of the people of a call.
         token: Option<Name>,
+        /// What the server calls the network that the offer came from: the same for offers of one IPv4 address or one IPv6 /64 to one room.
+        network: Option<Name>,
     },
     /// A viewer has left.
     Leave {
@@ -45,6 +47,8 @@ struct OfferData {
     forwards: bool,
     #[serde(default)]
     token: Option<Name>,
+    #[serde(default)]
+    network: Option<Name>,
 }
 
 #[derive(Deserialize)]
@@ -66,6 +70,7 @@ impl PresenceEvent {
                     sdp: offer.sdp,
                     forwards: offer.forwards,
                     token: offer.token,
+                    network: offer.network,
                 }
             }
             "leave" => {
@@ -91,10 +96,14 @@ impl PresenceEvent {
                 sdp,
                 forwards,
                 token,
+                network,
             } => {
                 let mut offer = json!({ "session": session, "sdp": sdp });
                 if let Some(token) = token {
                     offer["token"] = token.as_str().into();
+                }
+                if let Some(network) = network {
+                    offer["network"] = network.as_str().into();
                 }
                 if *forwards {
                     offer["forwards"] = true.into();
@@ -138,18 +147,20 @@ mod tests {
             sdp: "v=0\r\n".to_owned(),
             forwards: false,
             token: Some("T1".parse().expect("a name")),
+            network: Some("N1".parse().expect("a name")),
         };
         let forwarders = PresenceEvent::Offer {
             session: session.clone(),
             sdp: "v=0\r\n".to_owned(),
             forwards: true,
             token: None,
+            network: None,
         };
         let written = [
             (
                 offer,
                 "offer",
-                r#"{"sdp":"v=0\r\n","session":"S1","token":"T1"}"#,
+                r#"{"network":"N1","sdp":"v=0\r\n","session":"S1","token":"T1"}"#,
             ),
             (
                 forwarders,

@@ -21,10 +21,12 @@ pub enum Refusal {
     Expired,
     /// The performer is asked about each viewer, and this one shows no key by which it could be told from others.
     Nameless,
+    /// The room is a seat of a call, and the viewer's key sits in no seat of it.
+    Seat,
 }
 
 impl Refusal {
-    const ALL: [Self; 9] = [
+    const ALL: [Self; 10] = [
         Self::Link,
         Self::Full,
         Self::Many,
@@ -34,6 +36,7 @@ impl Refusal {
         Self::Guests,
         Self::Expired,
         Self::Nameless,
+        Self::Seat,
     ];
 
     fn word(self) -> &'static str {
@@ -47,6 +50,7 @@ impl Refusal {
             Self::Guests => "guests",
             Self::Expired => "expired",
             Self::Nameless => "nameless",
+            Self::Seat => "seat",
         }
     }
 }

@@ -7,7 +7,7 @@ use anyhow::Context;
 use app_session::call::CallWatch;
 use app_session::participant::NetworkContext;
 use identity::{KeyHash, PublicKey};
-use link_call::{Credentials, Venue};
+use link_call::{Credentials, Door, Venue, membership};
 use link_http::HttpError;
 use link_protocol::calls::{CallStatus, Seat, Taken};
 use link_protocol::data_channel::PersonState;
@@ -53,6 +53,8 @@ pub struct Roster<'a> {
     pub acquaintances: Acquaintances,
     /// Is notified when someone wants to see this side.
     pub offers: Arc<Notify>,
+    /// Who is let in; is told who sits in the call.
+    pub door: Door,
     /// The call ends so long after the first of the others was there.
     pub longest: Option<Duration>,
     /// How the server is asked.
@@ -143,12 +145,12 @@ impl Roster<'_> {
         let (fetched, newcomers) = sync_channel(MAX_PEOPLE);
         let mut seats = Seats::default();
         let mut asking: Option<Asking> = None;
-        let mut asked = None;
+        let mut asked: Option<Instant> = None;
         let mut troubled = false;
         let mut opener = Opener::of(&self);
         std::thread::scope(|scope| {
             while !self.stop.load(Relaxed) {
-                let is_time = asked.is_none_or(|asked: Instant| asked.elapsed() >= PAUSE);
+                let is_time = asked.is_none_or(|asked| asked.elapsed() >= PAUSE);
                 if asking.is_none() && (is_time || self.is_offered()) {
                     asked = Some(Instant::now());
                     asking = Some(self.ask());
@@ -157,7 +159,12 @@ impl Roster<'_> {
                     Some(Ok(status)) => {
                         troubled = false;
                         opener.begin();
-                        for newcomer in self.arrivals(&status.seats, &mut seats) {
+                        let keys = self.keys(&status.seats);
+                        let seated: Vec<_> = keys.iter().copied().flatten().collect();
+                        if let Some(asked) = asked {
+                            self.door.seat_members(asked, &seated);
+                        }
+                        for newcomer in self.arrivals(&status.seats, &keys, &mut seats) {
                             let (seat, watch) = (newcomer.seat.clone(), newcomer.watch.clone());
                             let (fetched, fetch, link) = (fetched.clone(), &fetch, &self.link);
                             let (theirs, of) = (seat.clone(), watch.clone());
@@ -246,11 +253,30 @@ impl Roster<'_> {
         Some(answer.context("the server does not tell who is in the call"))
     }
 
-    /// Compares the seats with who is known; who has to be fetched.
-    fn arrivals(&self, told: &[Seat], seats: &mut Seats) -> Vec<Expected> {
+    /// The key of each seat's occupant, as far as they prove that they have it and the call's link.
+    fn keys(&self, told: &[Seat]) -> Vec<Option<PublicKey>> {
+        let key_of = |taken: &Taken| {
+            membership::key_of(&self.link, taken)
+                .inspect_err(|why| log::debug!("a member does not prove their key: {why}"))
+                .ok()
+                .flatten()
+        };
+        (told.iter())
+            .map(|seat| seat.taken.as_ref().and_then(key_of))
+            .collect()
+    }
+
+    /// Compares the seats, whose occupants have these `keys`, with who is known; who has to be fetched.
+    fn arrivals(
+        &self,
+        told: &[Seat],
+        keys: &[Option<PublicKey>],
+        seats: &mut Seats,
+    ) -> Vec<Expected> {
         let own = self.own.room();
         let mut arrivals = Vec::new();
-        for (number, (seat, voice)) in told.iter().zip(&self.voices).enumerate() {
+        let all = told.iter().zip(&self.voices).zip(keys).enumerate();
+        for (number, ((seat, voice), key)) in all {
             let known = seats.known.get_mut(&seat.room);
             if &seat.room == own.room() {
                 // Taken in place of one that was lost: who sat here before has left, and nobody meets themselves.
@@ -264,6 +290,7 @@ impl Roster<'_> {
                 if let Some(person) = known {
                     person.is_seated = false;
                 }
+                seats.unproved.remove(&seat.room);
                 continue;
             };
             if let Some(person) = known {
@@ -274,13 +301,25 @@ impl Roster<'_> {
                 }
                 continue;
             }
+            let Some(key) = *key else {
+                if seats.unproved.insert(seat.room.clone()) {
+                    (self.tell)(&format!(
+                        "careful: whoever has place {} of the call shows no key that proves to have the call's link, and neither sees you nor is shown: either their program is too old, or they have a part of the link only",
+                        number + 1
+                    ));
+                }
+                continue;
+            };
+            if !self.door.lets_in(key) {
+                continue;
+            }
             let trouble = seats.troubles.get(&seat.room);
             let waits = trouble.is_some_and(|trouble| Instant::now() < trouble.again);
             if waits || seats.fetching.contains(&seat.room) {
                 continue;
             }
             let watch = CallWatch::default();
-            let known = Known::new(number, taken.clone(), watch.clone());
+            let known = Known::new(number, taken.clone(), key, watch.clone());
             log::info!("{} is in the call: fetching their avatar", known.name);
             seats.known.insert(seat.room.clone(), known);
             arrivals.push(Expected {
@@ -411,7 +450,17 @@ impl Roster<'_> {
             if bytes != person.heard.1 {
                 person.heard = (now, bytes);
             }
+            if self.door.has_removed(person.key) {
+                person.watch.leave();
+            }
             if let (false, Some(key)) = (person.is_introduced, person.watch.key()) {
+                if key != Some(person.key) {
+                    log::warn!(
+                        "{} shows another key than the one that sits there: they are not met",
+                        person.name
+                    );
+                    person.watch.leave();
+                }
                 person.is_introduced = true;
                 let theirs = person.watch.person();
                 person.name = called(theirs.as_ref(), person.number, &signed);

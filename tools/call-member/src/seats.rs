@@ -1,6 +1,7 @@
 //! The seats of a call as the roster knows them: who sits there, what they are called, and how long one in whom something failed has to wait.
 
 use app_session::call::CallWatch;
+use identity::PublicKey;
 use link_protocol::calls::Taken;
 use link_protocol::data_channel::PersonState;
 use link_protocol::{Name, PersonName};
@@ -23,6 +24,8 @@ pub(crate) struct Known {
     /// What they are called: by their seat, until they have shown a name that they signed.
     pub(crate) name: String,
     pub(crate) taken: Taken,
+    /// Their key, as they prove it to all members.
+    pub(crate) key: PublicKey,
     pub(crate) watch: CallWatch,
     /// When they were handed over.
     pub(crate) joined: Option<Instant>,
@@ -40,11 +43,12 @@ pub(crate) struct Known {
 
 impl Known {
     /// A newcomer in the seat of this number.
-    pub(crate) fn new(number: usize, taken: Taken, watch: CallWatch) -> Self {
+    pub(crate) fn new(number: usize, taken: Taken, key: PublicKey, watch: CallWatch) -> Self {
         Self {
             number,
             name: called(None, number, []),
             taken,
+            key,
             watch,
             joined: None,
             is_introduced: false,
@@ -63,6 +67,8 @@ pub(crate) struct Seats {
     /// Of which an avatar is being fetched. It may be for one who has left: nothing else is fetched until that ends.
     pub(crate) fetching: HashSet<Name>,
     pub(crate) troubles: HashMap<Name, Trouble>,
+    /// Whose occupants prove no key, which was told.
+    pub(crate) unproved: HashSet<Name>,
 }
 
 /// Of a seat that stayed taken while the call with who sat there was over: the avatar does not load, or there is no room for it. Whoever comes next

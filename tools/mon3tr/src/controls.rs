@@ -1,18 +1,18 @@
 //! A call while it is held: who else is in it, and what keys of the window, or lines on the terminal, do.
 
-use crate::typed::take_lines;
 use app_session::own_motion::OwnMotion;
 use app_session::participant::Participant;
 use call_member::{Member, Members};
-use link_call::Privacy;
+use identity::PublicKey;
+use link_call::door::Seen;
+use link_call::{Door, Privacy};
 use link_playout::Clock;
-use std::io::BufRead;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::Receiver;
 
 /// What keys do, as it is told at the start.
-pub(crate) const KEYS: &str = "keys: m mute, h hide, s see yourself, w who is there, q hang up (in the window, or here with Enter)";
+pub(crate) const KEYS: &str = "keys: m mute, h hide, s see yourself, w who is there, q hang up (in the window, or here with Enter); here alone: l lock or unlock, x KEY send the one away whose key begins so, a N let N in";
 
 /// What may be typed instead of a key.
 const WORDS: [(char, &str); 5] = [
@@ -22,7 +22,7 @@ const WORDS: [(char, &str); 5] = [
     ('w', "who"),
     ('q', "quit"),
 ];
-const LONGEST_WORD: usize = 16;
+pub(crate) const LONGEST_WORD: usize = 64;
 
 /// The other people of a call, as they come, for what shows them.
 pub(crate) struct Others {
@@ -35,6 +35,8 @@ pub(crate) struct Others {
 pub(crate) struct Controls {
     pub(crate) privacy: Privacy,
     pub(crate) members: Members,
+    /// Who sees this side.
+    pub(crate) door: Door,
     pub(crate) clock: Clock,
     /// A look at oneself.
     pub(crate) own: OwnMotion,
@@ -118,15 +120,41 @@ impl Controls {
             lines.push(format!("{}{key}{described}", member.name));
         }
         println!("in the call: {}", lines.join("; "));
+        if self.door.rules().locked {
+            println!("the call is locked for you");
+        }
+        for Seen {
+            number,
+            visitor,
+            waits,
+            ..
+        } in self.door.seen()
+        {
+            let members = self.members.all().into_iter();
+            let name = members
+                .filter(|member| visitor.key.is_some() && member.watch.key() == Some(visitor.key))
+                .map(|member| member.name)
+                .next();
+            let named = name.map_or_else(String::new, |name| format!("{name}, "));
+            let how = if waits {
+                "waits to be let in"
+            } else {
+                "sees and hears you"
+            };
+            println!("{number}: {named}{visitor} {how}");
+        }
     }
 
-    /// Does what lines of `input` ask for, a key or its word each, until it ends.
-    pub(crate) fn listen(&self, input: impl BufRead) {
-        take_lines(input, LONGEST_WORD, |line| self.obey(line));
+    /// The keys of the other members, as far as they are met.
+    pub(crate) fn keys(&self) -> Vec<PublicKey> {
+        let members = self.members.all().into_iter();
+        members
+            .filter_map(|member| member.watch.key().flatten())
+            .collect()
     }
 
     /// Does what a line asks for, and says what could be asked for where it is nothing of it.
-    fn obey(&self, line: &str) {
+    pub(crate) fn obey(&self, line: &str) {
         let line = line.trim().to_ascii_lowercase();
         let word = WORDS.iter().find(|(_, word)| *word == line);
         let mut letters = line.chars();
@@ -163,17 +191,19 @@ mod tests {
         let controls = Controls {
             privacy: Privacy::default(),
             members: Members::default(),
+            door: Door::default(),
             clock: Clock::start(),
             own: OwnMotion::default(),
             stop: Arc::default(),
             push_to_talk: false,
         };
-        controls.listen(&b"mute\nhello\nH \n\nx\ns\nquite a long line that is no word\n"[..]);
+        let obeys = |lines: &str| lines.lines().for_each(|line| controls.obey(line));
+        obeys("mute\nhello\nH \n\nx\ns\nquite a long line that is no word\n");
         let state = controls.privacy.state();
         assert!(state.muted && state.hidden, "{state:?}");
         assert!(!controls.own.toggle(), "they saw themselves");
         assert!(!controls.stop.load(Relaxed), "goes on");
-        controls.listen(&b"m\nq"[..]);
+        obeys("m\nq");
         assert!(!controls.privacy.state().muted, "heard again");
         assert!(controls.stop.load(Relaxed), "hung up");
     }
@@ -183,6 +213,7 @@ mod tests {
         let controls = |push_to_talk| Controls {
             privacy: Privacy::default(),
             members: Members::default(),
+            door: Door::default(),
             clock: Clock::start(),
             own: OwnMotion::default(),
             stop: Arc::default(),

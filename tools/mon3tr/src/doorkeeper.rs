@@ -7,10 +7,11 @@ use crate::network::Line;
 use crate::typed::take_lines;
 use anyhow::Context;
 use book::Book;
+use identity::PublicKey;
 use link_call::door::{DoorEvent, DoorRules, Seen};
 use link_call::{Credentials, Door, Venue};
 use link_http::Client;
-use link_protocol::RoomLink;
+use link_protocol::{Name, RoomLink};
 use sender::{Invitation, invite};
 use std::collections::VecDeque;
 use std::io::{BufRead, IsTerminal};
@@ -54,6 +55,18 @@ pub(crate) struct Doorkeeper {
     stop: Arc<AtomicBool>,
     book: Option<Book>,
     kept: Mutex<DoorRules>,
+    /// In a call its roster tells who comes and goes.
+    is_of_call: bool,
+}
+
+/// The door of a call, which is open if `asks` does not say otherwise, with what was decided in it before.
+///
+/// # Errors
+/// If decisions were kept and cannot be read: nobody would know who was sent away.
+pub(crate) fn door_of_call(call: &Name, asks: bool) -> anyhow::Result<Door> {
+    let mut rules = Book::of(call)?.read()?;
+    rules.ask |= asks;
+    Ok(Door::new(rules))
 }
 
 impl DoorOptions {
@@ -84,9 +97,19 @@ impl DoorOptions {
 }
 
 impl Doorkeeper {
-    /// The keeper of `door` for whoever is met at `venue`.
-    pub(crate) fn new(door: Door, venue: Venue, credentials: Credentials, line: &Line) -> Self {
-        let book = Book::of(venue.room().room());
+    /// The keeper of `door` for whoever is met at `venue`, in a seat of `call` if one is said.
+    pub(crate) fn new(
+        door: Door,
+        venue: Venue,
+        call: Option<&Name>,
+        credentials: Credentials,
+        line: &Line,
+    ) -> Self {
+        // The seat may be another one the next time.
+        let book = match call {
+            Some(call) => Book::of(call),
+            None => Book::of(venue.room().room()),
+        };
         let book = book
             .inspect_err(|why| log::warn!("who is sent away is forgotten when you leave: {why:#}"));
         Self {
@@ -98,7 +121,51 @@ impl Doorkeeper {
             stop: Arc::clone(&line.stop),
             book: book.ok(),
             kept: Mutex::default(),
+            is_of_call: call.is_some(),
         }
+    }
+
+    /// Whether it is of a call.
+    pub(crate) fn is_of_call(&self) -> bool {
+        self.is_of_call
+    }
+
+    /// Does what a line asks for in a call whose members have these `keys`; whether it asks for anything of the door's.
+    pub(crate) fn obey_in_call(&self, line: &str, keys: &[PublicKey]) -> bool {
+        let (word, rest) = line
+            .trim()
+            .split_once(char::is_whitespace)
+            .unwrap_or((line.trim(), ""));
+        let is_number = rest.trim().parse::<u32>().is_ok();
+        match word.to_ascii_lowercase().as_str() {
+            "l" | "lock" if rest.is_empty() => self.obey(line),
+            "a" | "admit" | "x" | "remove" if is_number => self.obey(line),
+            "x" | "remove" if !rest.is_empty() => self.remove_member(rest.trim(), keys),
+            _ => return false,
+        }
+        true
+    }
+
+    /// Sends away the one member whose fingerprint begins so.
+    fn remove_member(&self, fingerprint: &str, keys: &[PublicKey]) {
+        let viewers = self.door.seen().into_iter();
+        let viewers = viewers.filter_map(|seen| seen.visitor.key);
+        let mut found: Vec<PublicKey> = (keys.iter().copied().chain(viewers))
+            .filter(|key| key.fingerprint().starts_with(fingerprint))
+            .collect();
+        found.sort_unstable();
+        found.dedup();
+        self.decided(match found[..] {
+            [key] => {
+                self.door.remove_member(key);
+                format!(
+                    "{} is sent away, and does not come in again",
+                    key.fingerprint()
+                )
+            }
+            [] => format!("no member has a key that begins with {fingerprint}; w: who is there"),
+            _ => format!("more than one member has a key that begins with {fingerprint}"),
+        });
     }
 
     fn print_guest(&self, invitation: &Invitation) -> anyhow::Result<()> {
@@ -159,10 +226,13 @@ impl Doorkeeper {
                 None => format!("nobody has the number {number}; w: who is there"),
             }),
             ("l" | "lock", None) => self.decided(
-                if self.door.toggle_lock() {
-                    "the room is locked: nobody new comes in"
-                } else {
-                    "the room is open again"
+                match (self.door.toggle_lock(), self.is_of_call) {
+                    (true, false) => "the room is locked: nobody new comes in",
+                    (false, false) => "the room is open again",
+                    (true, true) => {
+                        "the call is locked for you: you neither see nor are seen by new members"
+                    }
+                    (false, true) => "the call is open for you again",
                 }
                 .to_owned(),
             ),
@@ -217,6 +287,10 @@ impl Doorkeeper {
         loop {
             let is_over = over.load(Relaxed);
             while let Some(event) = self.door.next_event() {
+                if self.is_of_call && matches!(event, DoorEvent::Entered(..) | DoorEvent::Left(..))
+                {
+                    continue;
+                }
                 let line = told_of(&event);
                 told.retain(|at| at.elapsed() < LINES_WITHIN);
                 if told.len() < MOST_LINES {

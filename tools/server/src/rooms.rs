@@ -1,18 +1,24 @@
 //! The rooms whose senders are connected to this instance. A room exists while its sender's presence stream is open, and nothing else is
 //! kept of rooms: tokens say what their bearer may do.
 
+mod kept;
+mod waiting;
+
 use crate::Id;
 use crate::metrics::Metrics;
-use link_protocol::calls::EnterRoom;
+use kept::Kept;
+use link_protocol::calls::{EnterRoom, MemberProof};
 use link_protocol::presence::PresenceEvent;
 use link_protocol::{Announcement, Name, PackageId, PersonName};
 use serde::{Deserialize, Serialize};
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::mpsc;
 use tokio_util::sync::CancellationToken;
+use waiting::Waiting;
 
 /// A request to a room's sender, from this instance or another one.
 #[derive(Debug, Serialize, Deserialize)]
@@ -34,11 +40,16 @@ pub(crate) enum RoomRequest {
         /// The name of the viewer's token.
         #[serde(default)]
         viewer: Option<Id>,
+        /// The network that it came from, as the sender is told it.
+        #[serde(default)]
+        network: Option<Id>,
     },
     /// The sender's answer to a viewer's offer.
     Answer { session: Id, sdp: String },
     /// The viewer of this session leaves.
     Leave { session: Id },
+    /// The seat's occupant leaves it on purpose: it is not kept.
+    LeaveSeat { occupant: Name },
 }
 
 /// The reply to a [`RoomRequest`].
@@ -54,6 +65,9 @@ pub(crate) enum RoomReply {
         /// What it said to take a seat; never told to a client.
         #[serde(default)]
         occupant: Option<Name>,
+        /// Which key it shows the call's other members.
+        #[serde(default)]
+        proof: Option<MemberProof>,
     },
     /// The sender's answer.
     Answer { sdp: String },
@@ -82,12 +96,13 @@ pub(crate) struct Presence {
         expect(dead_code, reason = "only other instances are told")
     )]
     connection: Id,
-    owner: Id,
+    of: Occupancy,
     sender: EnterRoom,
     events: mpsc::Sender<PresenceEvent>,
-    waiting: Mutex<HashMap<Id, oneshot::Sender<String>>>,
-    waiting_limit: usize,
+    waiting: Mutex<Waiting>,
     answer_within: Duration,
+    /// It leaves on purpose, or has no right to the room any more.
+    leaves: AtomicBool,
     /// Another sender has replaced it.
     replaced: CancellationToken,
     /// Its stream has ended.
@@ -98,6 +113,11 @@ impl Presence {
     /// Ends this presence because another sender has entered the room.
     pub(crate) fn replace(&self) {
         self.replaced.cancel();
+    }
+
+    /// The room is not kept for this sender once its stream ends.
+    pub(crate) fn leave(&self) {
+        self.leaves.store(true, Relaxed);
     }
 
     #[cfg(feature = "nats")]
@@ -126,23 +146,26 @@ impl Presence {
                 announcement: self.sender.announcement,
                 person: self.sender.person.clone(),
                 occupant: self.sender.occupant.clone(),
+                proof: self.sender.proof.clone(),
             },
             RoomRequest::Offer {
                 session,
                 sdp,
                 forwards,
                 viewer,
+                network,
             } => {
                 let offer = PresenceEvent::Offer {
                     session: session.into(),
                     sdp,
                     forwards,
                     token: viewer.map(Name::from),
+                    network: network.map(Name::from),
                 };
-                self.offer(session, offer).await
+                self.offer(session, network, offer).await
             }
             RoomRequest::Answer { session, sdp } => {
-                let waiting = lock(&self.waiting).remove(&session);
+                let waiting = lock(&self.waiting).end(session);
                 // A viewer that has just hung up no longer waits either.
                 match waiting.map(|waiting| waiting.send(sdp)) {
                     Some(Ok(())) => RoomReply::Done,
@@ -152,6 +175,12 @@ impl Presence {
             RoomRequest::Leave { session } => self.notify(PresenceEvent::Leave {
                 session: session.into(),
             }),
+            RoomRequest::LeaveSeat { occupant } => {
+                if self.sender.occupant == Some(occupant) {
+                    self.leave();
+                }
+                RoomReply::Done
+            }
         }
     }
 
@@ -161,15 +190,10 @@ impl Presence {
         viewer.is_some_and(is)
     }
 
-    async fn offer(&self, session: Id, offer: PresenceEvent) -> RoomReply {
-        let (answer, answered) = oneshot::channel();
-        {
-            let mut waiting = lock(&self.waiting);
-            if waiting.len() >= self.waiting_limit {
-                return RoomReply::Busy;
-            }
-            waiting.insert(session, answer);
-        }
+    async fn offer(&self, session: Id, network: Option<Id>, offer: PresenceEvent) -> RoomReply {
+        let Some(answered) = lock(&self.waiting).begin(session, network) else {
+            return RoomReply::Busy;
+        };
         let _waiting = WaitingGuard {
             presence: self,
             session,
@@ -179,7 +203,8 @@ impl Presence {
             other => return other,
         }
         tokio::select! {
-            sdp = answered => sdp.map_or(RoomReply::Absent, |sdp| RoomReply::Answer { sdp }),
+            // It made room for another network's viewer.
+            sdp = answered => sdp.map_or(RoomReply::Busy, |sdp| RoomReply::Answer { sdp }),
             () = self.gone.cancelled() => RoomReply::Absent,
             () = tokio::time::sleep(self.answer_within) => RoomReply::Unanswered,
         }
@@ -202,16 +227,38 @@ struct WaitingGuard<'a> {
 
 impl Drop for WaitingGuard<'_> {
     fn drop(&mut self) {
-        lock(&self.presence.waiting).remove(&self.session);
+        lock(&self.presence.waiting).end(self.session);
     }
 }
 
 /// The rooms whose senders are connected here.
 #[derive(Debug)]
 pub(crate) struct Rooms {
-    present: Mutex<HashMap<Id, Arc<Presence>>>,
+    present: Mutex<Present>,
     limits: RoomLimits,
     metrics: Arc<Metrics>,
+}
+
+#[derive(Debug, Default)]
+struct Present {
+    senders: HashMap<Id, Arc<Presence>>,
+    kept: Kept,
+}
+
+/// Who has a room, as far as its bounds go.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Occupancy {
+    /// The room's owner.
+    pub(crate) owner: Id,
+    /// The network of whoever sits in this seat of a call.
+    pub(crate) network: Option<Id>,
+}
+
+/// The seats of a call, and how many of them one network may have.
+#[derive(Debug)]
+pub(crate) struct CallSeats {
+    pub(crate) rooms: Vec<Id>,
+    pub(crate) per_network: usize,
 }
 
 /// The bounds on rooms.
@@ -230,6 +277,8 @@ pub(crate) enum NotEntered {
     TooManyRooms,
     /// The seat is another's.
     Taken,
+    /// The network has as many seats of the call as it may have.
+    TooManySeats,
 }
 
 impl Rooms {
@@ -241,39 +290,55 @@ impl Rooms {
         }
     }
 
-    /// Lets a sender in. The room's sender before is replaced, unless it sits there as another occupant.
+    /// Lets a sender in, in a call into one of its `seats`. The room's sender before is replaced, unless it sits there as another occupant, or the seat is kept for
+    /// another one.
     pub(crate) fn enter(
         self: &Arc<Self>,
         room: Id,
         connection: Id,
-        owner: Id,
+        of: Occupancy,
+        seats: Option<&CallSeats>,
         sender: EnterRoom,
     ) -> Result<(PresenceGuard, mpsc::Receiver<PresenceEvent>), NotEntered> {
         // An offer and a leave for each viewer that may wait at once.
         let (events, received) = mpsc::channel(2 * self.limits.waiting_per_room.max(1));
         let presence = Arc::new(Presence {
             connection,
-            owner,
+            of,
             sender,
             events,
-            waiting: Mutex::default(),
-            waiting_limit: self.limits.waiting_per_room,
+            waiting: Mutex::new(Waiting::new(self.limits.waiting_per_room)),
             answer_within: self.limits.answer_within,
+            leaves: AtomicBool::new(false),
             replaced: CancellationToken::new(),
             gone: CancellationToken::new(),
         });
         let mut present = lock(&self.present);
-        if let Some(before) = present.get(&room) {
-            if is_of_another(before.sender.occupant.as_ref(), &presence.sender) {
-                return Err(NotEntered::Taken);
+        let occupant = present.occupant(room);
+        if is_of_another(occupant, &presence.sender) {
+            return Err(NotEntered::Taken);
+        }
+        if occupant.is_none() && !present.senders.contains_key(&room) {
+            let mut of_owner = 0;
+            let mut all = 0;
+            for (_, other) in present.all() {
+                all += 1;
+                of_owner += usize::from(other.owner == of.owner);
             }
-        } else {
-            let of_owner = present.values().filter(|p| p.owner == owner).count();
-            if present.len() >= self.limits.rooms || of_owner >= self.limits.rooms_per_owner {
+            if all >= self.limits.rooms || of_owner >= self.limits.rooms_per_owner {
                 return Err(NotEntered::TooManyRooms);
             }
         }
-        if let Some(before) = present.insert(room, Arc::clone(&presence)) {
+        if let Some(seats) = seats {
+            let is_near = |(other, at): &(Id, Occupancy)| {
+                *other != room && at.network == of.network && seats.rooms.contains(other)
+            };
+            if present.all().filter(is_near).count() >= seats.per_network {
+                return Err(NotEntered::TooManySeats);
+            }
+        }
+        present.kept.release(room);
+        if let Some(before) = present.senders.insert(room, Arc::clone(&presence)) {
             before.replace();
         }
         self.count(&present);
@@ -288,22 +353,53 @@ impl Rooms {
 
     /// The room's sender, if it is connected here.
     pub(crate) fn presence(&self, room: Id) -> Option<Arc<Presence>> {
-        lock(&self.present).get(&room).cloned()
+        lock(&self.present).senders.get(&room).cloned()
+    }
+
+    /// Whether this seat is kept for its occupant.
+    pub(crate) fn is_kept(&self, seat: Id) -> bool {
+        lock(&self.present).kept.occupant(seat).is_some()
+    }
+
+    /// Does not keep this seat for `occupant` any longer.
+    pub(crate) fn release(&self, seat: Id, occupant: &Name) {
+        let mut present = lock(&self.present);
+        if present.kept.occupant(seat) == Some(occupant) {
+            present.kept.release(seat);
+        }
     }
 
     /// The avatars that are shown in this owner's rooms here.
     pub(crate) fn shown(&self, owner: Id) -> HashSet<PackageId> {
         let present = lock(&self.present);
-        let of_owner = present.values().filter(|p| p.owner == owner);
+        let of_owner = present.senders.values();
         of_owner
+            .filter(|p| p.of.owner == owner)
             .map(|p| p.sender.announcement.avatar.sha256)
             .collect()
     }
 
-    fn count(&self, present: &HashMap<Id, Arc<Presence>>) {
+    fn count(&self, present: &Present) {
         self.metrics
             .rooms
-            .set(i64::try_from(present.len()).unwrap_or(i64::MAX));
+            .set(i64::try_from(present.senders.len()).unwrap_or(i64::MAX));
+    }
+}
+
+impl Present {
+    /// Who sits in this seat, or for whom it is kept.
+    fn occupant(&self, room: Id) -> Option<&Name> {
+        match self.senders.get(&room) {
+            Some(presence) => presence.sender.occupant.as_ref(),
+            None => self.kept.occupant(room),
+        }
+    }
+
+    /// All rooms that are taken or kept.
+    fn all(&self) -> impl Iterator<Item = (Id, Occupancy)> {
+        let taken = self.senders.iter();
+        let taken = taken.map(|(room, presence)| (*room, presence.of));
+        taken.chain(self.kept.all())
     }
 }
 
@@ -325,10 +421,18 @@ impl Drop for PresenceGuard {
         self.presence.gone.cancel();
         let mut present = lock(&self.rooms.present);
         // A sender that replaced this one stays.
-        if let Entry::Occupied(entry) = present.entry(self.room)
+        if let Entry::Occupied(entry) = present.senders.entry(self.room)
             && Arc::ptr_eq(entry.get(), &self.presence)
         {
             entry.remove();
+            let Presence {
+                sender, of, leaves, ..
+            } = &*self.presence;
+            if let Some(occupant) = &sender.occupant
+                && !leaves.load(Relaxed)
+            {
+                present.kept.keep(self.room, occupant.clone(), *of);
+            }
         }
         self.rooms.count(&present);
     }

@@ -8,9 +8,11 @@ use crate::{Id, Secret, ServerError};
 use base64::Engine;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use hmac::{Hmac, Mac};
-use link_protocol::limits::MAX_PEOPLE;
+use link_protocol::limits::{MAX_PEOPLE, SEATS_PER_ADDRESS};
 use sha2::Sha256;
+use std::net::IpAddr;
 use std::time::{SystemTime, UNIX_EPOCH};
+use turn_server::network_prefix;
 
 /// Of a token that was made with no other one, as an operator makes them, and of all tokens of earlier versions.
 const VERSION: u8 = 2;
@@ -49,6 +51,8 @@ pub(crate) struct Claims {
     made_with: [Id; 2],
     /// The secret before signed it.
     is_by_previous: bool,
+    /// Of a member: the seats of the call that one network address may have; 0 for as many as a call has where nothing else is said.
+    seats_per_address: u8,
 }
 
 const NONE: Id = Id::from_bytes([0; 16]);
@@ -74,6 +78,7 @@ impl Claims {
             name: Id::random()?,
             made_with: [NONE; 2],
             is_by_previous: false,
+            seats_per_address: 0,
         })
     }
 
@@ -103,6 +108,22 @@ impl Claims {
         (0..MAX_PEOPLE).map(move |number| seat(&key, call, number))
     }
 
+    /// The same for a call of which one network address may have so many seats.
+    pub(crate) fn with_seats_per_address(self, seats: u8) -> Self {
+        Self {
+            seats_per_address: seats,
+            ..self
+        }
+    }
+
+    /// Of a member: the seats of the call that one network address may have.
+    pub(crate) fn seats_per_address(&self) -> u8 {
+        match self.seats_per_address {
+            0 => SEATS_PER_ADDRESS,
+            seats => seats,
+        }
+    }
+
     /// The room, or a member's call.
     pub(crate) fn room(&self) -> Id {
         self.room
@@ -121,7 +142,8 @@ impl Claims {
     fn bytes(&self) -> Vec<u8> {
         let is_derived = self.made_with != [NONE; 2];
         let version = if is_derived { DERIVED_VERSION } else { VERSION };
-        let mut bytes = vec![version, self.role as u8];
+        // The role has four bits, and so have the seats: both are 8 at most.
+        let mut bytes = vec![version, self.role as u8 | self.seats_per_address << 4];
         bytes.extend(self.expires.to_le_bytes());
         bytes.extend(self.owner.as_bytes());
         bytes.extend(self.room.as_bytes());
@@ -157,13 +179,13 @@ impl Claims {
             return None;
         }
         let id = |at: usize| Some(Id::from_bytes(claims.get(at..at + 16)?.try_into().ok()?));
-        let (version, role) = (*claims.first()?, *claims.get(1)?);
+        let (version, role_and_seats) = (*claims.first()?, *claims.get(1)?);
         let made_with = match (version, claims.len()) {
             (VERSION, CLAIMS_BYTES) => [NONE; 2],
             (DERIVED_VERSION, DERIVED_CLAIMS_BYTES) => [id(58)?, id(74)?],
             _ => return None,
         };
-        let role = match role {
+        let role = match role_and_seats & 0xf {
             1 => Role::Owner,
             2 => Role::Sender,
             3 => Role::Viewer,
@@ -178,6 +200,7 @@ impl Claims {
             name: id(42)?,
             made_with,
             is_by_previous,
+            seats_per_address: role_and_seats >> 4,
         })
     }
 }
@@ -194,6 +217,20 @@ fn seat(key: &[u8; 32], call: Id, number: usize) -> Id {
 }
 
 impl Secret {
+    /// What the network of `address` is called in a room or a call: the same for one IPv4 address or one IPv6 /64, and another name in another room.
+    pub(crate) fn network(&self, room: Id, address: IpAddr) -> Id {
+        let mut mac = mac_of(&self.key(false), b"mon3tr network\0");
+        mac.update(room.as_bytes());
+        match network_prefix(address) {
+            IpAddr::V4(address) => mac.update(&address.octets()),
+            IpAddr::V6(address) => mac.update(&address.octets()),
+        }
+        let digest: [u8; MAC_BYTES] = mac.finalize().into_bytes().into();
+        let mut network = [0; 16];
+        network.copy_from_slice(&digest[..16]);
+        Id::from_bytes(network)
+    }
+
     /// A token with which the owner called `name` opens rooms and puts packages until `expires` (Unix seconds).
     ///
     /// # Errors
@@ -271,6 +308,46 @@ mod tests {
             !owner.may(&[Role::Owner, Role::Sender], Id::from_bytes([0; 16])),
             "an owner's token is no room's"
         );
+        Ok(())
+    }
+
+    #[test]
+    fn a_members_token_says_how_many_seats_an_address_may_have()
+    -> Result<(), Box<dyn std::error::Error>> {
+        let secret = Secret::random()?;
+        let (owner, call) = (Id::random()?, Id::random()?);
+        let member = Claims::in_room(Role::Member, owner, call, 1000)?;
+        assert_eq!(member.seats_per_address(), 3, "nothing is said");
+        for seats in 1..=8 {
+            let token = member.with_seats_per_address(seats).sign(&secret);
+            let read = Claims::verify(&token, &secret, 0).ok_or("genuine")?;
+            assert_eq!((read.role, read.seats_per_address()), (Role::Member, seats));
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn a_network_has_one_name_in_one_room() -> Result<(), Box<dyn std::error::Error>> {
+        let secret = Secret::random()?;
+        let [room, other] = [Id::random()?, Id::random()?];
+        let name = |room, address: &str| {
+            let address = address.parse::<IpAddr>();
+            address.map(|address| secret.network(room, address))
+        };
+        let same = [
+            ("192.0.2.1", "::ffff:192.0.2.1"),
+            ("2001:db8:0:1::1", "2001:db8:0:1:ffff:ffff:ffff:ffff"),
+        ];
+        for (one, two) in same {
+            assert_eq!(name(room, one)?, name(room, two)?, "{one} and {two}");
+            assert_ne!(name(room, one)?, name(other, one)?, "of another room");
+        }
+        for (one, two) in [
+            ("192.0.2.1", "192.0.2.2"),
+            ("2001:db8:0:1::1", "2001:db8:0:2::1"),
+        ] {
+            assert_ne!(name(room, one)?, name(room, two)?, "{one} and {two}");
+        }
         Ok(())
     }
 

@@ -1,19 +1,33 @@
 //! A room's door: who comes in, as the performer decides; who waits before it, who is inside, and who is sent away.
 
+mod places;
 mod rules;
+mod seated;
 mod stay;
 mod visits;
 
-use crate::visitor::Visitor;
+use crate::visitor::{Visitor, Who};
 use crate::{CallError, now};
+use identity::PublicKey;
 use link_protocol::{Guest, Name, Refusal};
 use rules::Verdict;
+use seated::Seated;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::{Notify, watch};
+use tokio::time::Instant;
 use visits::{Inside, State};
 
 pub use rules::DoorRules;
 pub(crate) use stay::{LOOK, Stay};
+
+/// Viewers that are served directly at once: what a home's uplink carries easily.
+pub(crate) const MOST_INSIDE: usize = 32;
+
+/// Why viewers have to go.
+const SENT_AWAY: &str = "the performer has sent it away";
+const MADE_ROOM: &str = "it makes room for a viewer of another network";
+const NO_ROOM: &str = "all places are taken";
+const NO_SEAT: &str = "its key sits in the call no longer";
 
 /// Decisions that are kept of each kind, the newest.
 const MOST_KEPT: usize = 256;
@@ -58,6 +72,8 @@ struct Inner {
     state: Mutex<State>,
     /// Something has to be said to the server.
     changed: Notify,
+    /// In a call: who sits there.
+    seated: Seated,
 }
 
 impl Door {
@@ -113,11 +129,69 @@ impl Door {
         }
         state.take_waiting(number);
         for inside in state.inside.iter().filter(|inside| inside.number == number) {
-            inside.leave.send_replace(true);
+            inside.send_away(SENT_AWAY);
         }
         state.end_handed_over(|of, _| of == number);
         self.0.changed.notify_one();
         visitors.into_iter().next()
+    }
+
+    /// The same of a member of a call by their key, whether or not they are connected to this side.
+    pub fn remove_member(&self, key: PublicKey) {
+        let visitor = Visitor {
+            key: Some(key),
+            guest: None,
+        };
+        let mut state = self.locked();
+        state.rules.remove(&visitor);
+        let number = state.number_of(&visitor);
+        state.take_waiting(number);
+        for inside in (state.inside.iter()).filter(|inside| inside.visitor.key == Some(key)) {
+            inside.send_away(SENT_AWAY);
+        }
+    }
+
+    /// In a call: the server, which was asked at `asked`, says that members with these keys sit there now. Viewers whose key has sat nowhere for ten seconds
+    /// have to go.
+    pub fn seat_members(&self, asked: std::time::Instant, keys: &[PublicKey]) {
+        self.0.seated.note(Instant::from_std(asked), keys);
+        let state = self.locked();
+        for inside in &state.inside {
+            let is_seated = inside.visitor.key.is_some_and(|key| self.0.seated.has(key));
+            if !is_seated {
+                inside.send_away(NO_SEAT);
+            }
+        }
+    }
+
+    /// Whether a member of a call with this key would be let in now, unasked. This side neither sees nor hears members who would not.
+    #[must_use]
+    pub fn lets_in(&self, key: PublicKey) -> bool {
+        let visitor = Visitor {
+            key: Some(key),
+            guest: None,
+        };
+        self.locked().rules.verdict(&visitor, None, now()) == Verdict::Enters
+    }
+
+    /// Whether a member of a call with this key was sent away.
+    #[must_use]
+    pub fn has_removed(&self, key: PublicKey) -> bool {
+        self.locked().rules.removed.contains(&Who::Key(key))
+    }
+
+    /// Whether this viewer's key sits in the call, as far as the server says that is asked from now on.
+    pub(crate) async fn is_seated(&self, visitor: &Visitor) -> bool {
+        match visitor.key {
+            Some(key) => self.0.seated.has_or_will(key).await,
+            None => false,
+        }
+    }
+
+    /// Whether there is a place for a viewer from this network, or another viewer would make room for it.
+    pub(crate) fn has_room(&self, visitor: &Visitor, network: Option<&Name>) -> bool {
+        let state = self.locked();
+        state.stay() < MOST_INSIDE || state.makes_room(visitor, network).is_some()
     }
 
     /// Who waits and who is inside.
@@ -151,21 +225,28 @@ impl Door {
         }
     }
 
-    /// A viewer is connected.
-    pub(crate) fn enter(&self, visitor: Visitor) -> Stay {
-        let leave = watch::Sender::new(false);
+    /// A viewer from this network is connected. Where all places are taken another one makes room, or this one has to go.
+    pub(crate) fn enter(&self, visitor: Visitor, network: Option<Name>) -> Stay {
+        let leave = watch::Sender::new(None);
         let mut state = self.locked();
         let number = state.number_of(&visitor);
         if state.rules.has_removed(&visitor) {
             // Removed between its answer and its connection.
-            leave.send_replace(true);
+            leave.send_replace(Some(SENT_AWAY));
         } else {
             state.note_entered(&visitor);
+        }
+        if state.stay() >= MOST_INSIDE {
+            match state.makes_room(&visitor, network.as_ref()) {
+                Some(other) => other.send_away(MADE_ROOM),
+                None => drop(leave.send_replace(Some(NO_ROOM))),
+            }
         }
         state.tell(DoorEvent::Entered(number, visitor.clone()));
         state.inside.push(Inside {
             number,
             visitor: visitor.clone(),
+            network,
             leave: leave.clone(),
         });
         Stay {

@@ -1,8 +1,8 @@
 //! A viewer's time inside: it ends when they leave, when the performer sends them away, and when a guest's time is over.
 
 use super::{Door, DoorEvent};
+use crate::now;
 use crate::visitor::Visitor;
-use crate::{is_set, now};
 use std::time::Duration;
 use tokio::sync::watch;
 
@@ -15,8 +15,8 @@ pub(crate) struct Stay {
     pub(super) door: Door,
     pub(super) number: u32,
     pub(super) visitor: Visitor,
-    /// Becomes true when the performer sends them away.
-    pub(super) leave: watch::Sender<bool>,
+    /// Becomes why they have to go.
+    pub(super) leave: watch::Sender<Option<&'static str>>,
 }
 
 impl Stay {
@@ -44,8 +44,13 @@ impl Stay {
                 None => std::future::pending().await,
             }
         };
+        let sent_away = async {
+            // Not what `wait_for` returns, which holds a lock.
+            let why = sent_away.wait_for(Option::is_some).await;
+            why.map_or(None, |why| *why).unwrap_or("it has gone")
+        };
         tokio::select! {
-            () = is_set(&mut sent_away) => "the performer has sent it away",
+            why = sent_away => why,
             () = expired => "its link has ended",
         }
     }
@@ -54,7 +59,7 @@ impl Stay {
 impl Drop for Stay {
     fn drop(&mut self) {
         let mut state = self.door.locked();
-        let here = |leave: &watch::Sender<bool>| leave.same_channel(&self.leave);
+        let here = |leave: &watch::Sender<_>| leave.same_channel(&self.leave);
         state.inside.retain(|inside| !here(&inside.leave));
         let (number, visitor) = (self.number, self.visitor.clone());
         state.tell(DoorEvent::Left(number, visitor));

@@ -75,7 +75,7 @@ async fn who_is_asked_about_waits_is_let_in_comes_back_and_may_give_up() {
     assert_eq!(door.next_event(), None, "each is told once");
     assert_eq!(door.admit(1), Some(ada.clone()));
     assert_eq!(knocks(&door, &ada), Ok(()));
-    drop(door.enter(ada.clone()));
+    drop(door.enter(ada.clone(), None));
     assert_eq!(knocks(&door, &ada), Ok(()), "comes back");
     for waiting in &mut door.locked().waiting {
         waiting.knocked -= GIVEN_UP + Duration::from_millis(1);
@@ -90,6 +90,54 @@ async fn who_is_asked_about_waits_is_let_in_comes_back_and_may_give_up() {
         ]
     );
     assert_eq!(door.admit(2), None, "nobody waits");
+}
+
+#[tokio::test]
+async fn members_of_a_call_are_let_in_by_their_keys_and_sent_away_by_them() {
+    let door = Door::default();
+    let [ada, eve] = [keyed(1), keyed(2)];
+    let key = |visitor: &Visitor| visitor.key.expect("a key");
+    assert!(!door.is_seated(&NAMELESS).await, "without a key");
+    let now = std::time::Instant::now();
+    door.seat_members(now, &[key(&ada), key(&eve)]);
+    assert!(door.is_seated(&eve).await && door.lets_in(key(&eve)));
+    let stay = door.enter(eve.clone(), None);
+    door.seat_members(now, &[key(&ada)]);
+    assert_eq!(*stay.leave.borrow(), None, "her seat may be kept");
+    let later = now + Duration::from_secs(11);
+    door.seat_members(later, &[key(&ada)]);
+    assert_eq!(*stay.leave.borrow(), Some(NO_SEAT));
+    drop(stay);
+    door.remove_member(key(&eve));
+    assert!(door.has_removed(key(&eve)) && !door.lets_in(key(&eve)));
+    assert_eq!(knocks(&door, &eve), Err(Refusal::Removed));
+    let stay = door.enter(ada.clone(), None);
+    door.toggle_lock();
+    assert!(door.lets_in(key(&ada)) && !door.lets_in(key(&keyed(3))));
+    door.remove_member(key(&ada));
+    assert_eq!(*stay.leave.borrow(), Some(SENT_AWAY));
+}
+
+#[test]
+fn a_network_with_every_place_makes_room_for_another_one() {
+    let door = Door::default();
+    let [hers, his] = ["eve", "bob"].map(|network| Some(name(network)));
+    let mut eve: Vec<Stay> = (0..MOST_INSIDE)
+        .map(|number| {
+            let number = u16::try_from(number).expect("few");
+            door.enter(keyed(number), hers.clone())
+        })
+        .collect();
+    let has_to_go = |stay: &Stay| *stay.leave.borrow();
+    assert!(!door.has_room(&keyed(99), hers.as_ref()));
+    let one_more = door.enter(keyed(99), hers.clone());
+    assert_eq!(has_to_go(&one_more), Some(NO_ROOM), "of hers");
+    assert!(door.has_room(&NAMELESS, his.as_ref()));
+    let bob = door.enter(NAMELESS, his);
+    assert_eq!(has_to_go(&bob), None);
+    let newest = eve.pop().expect("many");
+    assert_eq!(has_to_go(&newest), Some(MADE_ROOM));
+    assert!(eve.iter().all(|stay| has_to_go(stay).is_none()));
 }
 
 #[test]
@@ -124,7 +172,7 @@ async fn who_is_sent_away_leaves_and_comes_in_neither_by_link_nor_by_key() {
     };
     door.invite(guest.clone()).expect("few guests");
     assert_eq!(guest_knocks(&door, &visitor, 0), Ok(()));
-    let stay = door.enter(visitor.clone());
+    let stay = door.enter(visitor.clone(), None);
     // Another program of the same guest's, with another key.
     let second = Visitor {
         key: keyed(3).key,
@@ -201,9 +249,9 @@ fn a_guest_is_nobody_without_their_token_and_their_token_is_nobodys_without_them
 #[test]
 fn only_who_was_inside_comes_in_while_the_room_is_locked_and_asking_asks_all_but_those_let_in() {
     let door = Door::default();
-    let stay = door.enter(keyed(1));
+    let stay = door.enter(keyed(1), None);
     assert!(door.hand_over(keyed(2), name("s2")));
-    drop(door.enter(keyed(3)));
+    drop(door.enter(keyed(3), None));
     // Whoever offers and does not connect was not inside.
     assert_eq!(knocks(&door, &keyed(4)), Ok(()));
     assert!(door.toggle_lock());
@@ -216,7 +264,7 @@ fn only_who_was_inside_comes_in_while_the_room_is_locked_and_asking_asks_all_but
     assert!(!door.toggle_lock());
     // However many come and go.
     for number in 1000.. {
-        drop(door.enter(keyed(number)));
+        drop(door.enter(keyed(number), None));
         if usize::from(number) == 1000 + MOST_KEPT {
             break;
         }
@@ -246,7 +294,7 @@ fn only_who_was_inside_comes_in_while_the_room_is_locked_and_asking_asks_all_but
 fn who_shows_nothing_and_is_sent_away_has_nobody_come_in_who_shows_nothing() {
     let door = Door::default();
     assert_eq!(knocks(&door, &NAMELESS), Ok(()));
-    let _stay = door.enter(NAMELESS);
+    let _stay = door.enter(NAMELESS, None);
     let number = door.seen()[0].number;
     assert_eq!(door.remove(number), Some(NAMELESS));
     assert_eq!(knocks(&door, &NAMELESS), Err(Refusal::Nameless));
@@ -265,9 +313,9 @@ async fn guests_come_and_stay_until_their_time_is_over_also_where_the_server_ser
     assert_eq!(guest_knocks(&door, &guest, 9), Ok(()));
     assert_eq!(guest_knocks(&door, &guest, 10), Err(Refusal::Expired));
     // Long over by the clock.
-    let stay = door.enter(guest.clone());
+    let stay = door.enter(guest.clone(), None);
     assert_eq!(Stay::over(Some(&stay)).await, "its link has ended");
-    let stays = door.enter(with_link(&bob("t", u64::MAX)));
+    let stays = door.enter(with_link(&bob("t", u64::MAX)), None);
     let lasts = tokio::time::timeout(Duration::from_millis(50), Stay::over(Some(&stays)));
     assert!(lasts.await.is_err(), "goes on");
     assert!(door.hand_over(guest, name("s1")));

@@ -1,5 +1,6 @@
 //! Who waits at a door, who is inside, and who was handed over to the server.
 
+use super::places::to_make_room;
 use super::{DoorEvent, DoorRules, MOST_EVENTS, Seen, keep};
 use crate::visitor::{Visitor, Who};
 use link_protocol::{Name, Refusal};
@@ -47,7 +48,20 @@ pub(super) struct Waiting {
 pub(super) struct Inside {
     pub(super) number: u32,
     pub(super) visitor: Visitor,
-    pub(super) leave: watch::Sender<bool>,
+    /// What the server calls the network that they come from.
+    pub(super) network: Option<Name>,
+    pub(super) leave: watch::Sender<Option<&'static str>>,
+}
+
+impl Inside {
+    /// Has them leave, for the first reason there is.
+    pub(super) fn send_away(&self, why: &'static str) {
+        self.leave.send_if_modified(|leave| {
+            let is_first = leave.is_none();
+            leave.get_or_insert(why);
+            is_first
+        });
+    }
 }
 
 #[derive(Debug)]
@@ -94,6 +108,24 @@ impl State {
             keep(&mut self.numbered, (who, self.numbers));
         }
         self.numbers
+    }
+
+    /// Who makes room for `newcomer`, who comes from `network`, where all places are taken.
+    pub(super) fn makes_room(&self, newcomer: &Visitor, network: Option<&Name>) -> Option<&Inside> {
+        let inside: Vec<&Inside> = (self.inside.iter())
+            .filter(|inside| inside.leave.borrow().is_none())
+            .collect();
+        let from: Vec<_> = (inside.iter())
+            .map(|inside| (inside.network.as_ref(), inside.visitor.key))
+            .collect();
+        let at = to_make_room(&from, &(network, newcomer.key))?;
+        inside.get(at).copied()
+    }
+
+    /// Viewers that are inside and do not have to go.
+    pub(super) fn stay(&self) -> usize {
+        let stays = |inside: &&Inside| inside.leave.borrow().is_none();
+        self.inside.iter().filter(stays).count()
     }
 
     /// Notes that someone waits; what they are answered.

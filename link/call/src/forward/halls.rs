@@ -147,7 +147,7 @@ impl Halls {
             }
             let place = hall.stage.place().ok_or(CallError::TooManyViewers)?;
             hall.leaving.retain(|_, leave| !leave.is_closed());
-            if let Some(oldest) = hall.opening.begin(&session) {
+            if let Some(oldest) = hall.opening.begin(&session, None) {
                 hall.leaving.remove(&oldest);
             }
             let (leave, left) = watch::channel(false);

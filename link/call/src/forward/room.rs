@@ -95,7 +95,7 @@ impl AudienceRoom {
                     let place = (!forwards).then(|| stage.place()).flatten();
                     let Some(place) = place else {
                         log::warn!("a viewer is refused: there are {} already", stage.most);
-                        self.refuse(session);
+                        self.refuse(session, Refusal::Full);
                         continue;
                     };
                     let (leave, left) = watch::channel(false);
@@ -103,15 +103,15 @@ impl AudienceRoom {
                     let (stage, room) = (stage.clone(), self.clone());
                     viewers.spawn(async move {
                         let served = async {
-                            let (client, link) = (&room.client, &room.link);
-                            let (_, offer) =
-                                introduction::admit_viewer(client, None, link, &session, &sdp)
-                                    .await?;
+                            let (_, offer) = introduction::check_viewer(None, &room.link, &sdp)?;
+                            let (room, session) = (room.clone(), session.clone());
                             let reply = OverHttp { room, session };
                             stage.serve(place, offer, reply, left).await
                         };
                         if let Err(error) = served.await {
                             log::debug!("a viewer could not join: {error}");
+                            // One that has its answer already does not wait for another.
+                            room.refuse(session, Refusal::Link);
                         }
                     });
                 }
@@ -134,13 +134,13 @@ impl AudienceRoom {
         while viewers.join_next().await.is_some() {}
     }
 
-    /// Tells a viewer that there are too many.
-    fn refuse(&self, session: Name) {
+    /// Tells a viewer that it is not taken.
+    fn refuse(&self, session: Name, why: Refusal) {
         let room = self.clone();
         tokio::spawn(async move {
-            let answer = Refusal::Full.answer();
+            let answer = why.answer();
             if let Err(error) = room.client.answer(&room.link, &session, &answer).await {
-                log::debug!("a viewer was not told that there are too many: {error}");
+                log::debug!("a viewer was not told why it is not taken: {error}");
             }
         });
     }

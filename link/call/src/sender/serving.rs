@@ -1,12 +1,14 @@
 //! One viewer of a sender: its connection, what it is sent, and what it sends back.
 
+use super::Shared;
+use super::hearing::Heard;
 use super::watching::Forwards;
-use super::{MAX_VIEWERS, Shared};
 use crate::door::Stay;
 use crate::introduction;
 use crate::path::Path;
 use crate::peer::{Peer, PeerEvent, SendOutcome};
 use crate::sdp::Description;
+use crate::plan::Plan;
 use crate::seal::Sealer;
 use crate::telling::{Repeated, Telling};
 use crate::visitor::Visitor;
@@ -27,8 +29,8 @@ const OPEN_TIMEOUT: Duration = Duration::from_secs(10);
 /// A viewer sends feedback at least five times a second; after a silence this long it is dropped.
 const SILENCE_TIMEOUT: Duration = Duration::from_secs(4);
 
-/// A viewer's silence after which this side's own way to the server is doubted, too: its router may have another address now, of which
-/// this machine is told nothing. The viewer offers a new connection a little later ([`crate::viewer`]), which has to find this side in the
+/// A viewer's silence after which this side's own way to the server is doubted, too, if enough others are silent ([`Heard`]): its router may have another address
+/// now, of which this machine is told nothing. The viewer offers a new connection a little later ([`crate::viewer`]), which has to find this side in the
 /// room.
 const DOUBT: Duration = Duration::from_millis(600);
 
@@ -39,6 +41,8 @@ pub(super) struct Offer {
     pub(super) forwards: bool,
     /// What the server calls the viewer's token.
     pub(super) token: Option<Name>,
+    /// What the server calls the viewer's network.
+    pub(super) network: Option<Name>,
 }
 
 /// What goes to one viewer: as it is, or sealed for a forwarder to hand on.
@@ -74,7 +78,7 @@ impl Outlet<'_> {
 }
 
 impl Shared {
-    /// Takes the side that offers, or answers that it is not taken.
+    /// Takes the side that offers, or says why it does not.
     async fn admit(
         &self,
         room: &RoomLink,
@@ -94,25 +98,24 @@ impl Shared {
                     place: Some(place),
                     sealer,
                 }),
-                None => self.refuse(room, name, Refusal::Full).await,
+                None => Err(CallError::HandedOver),
             };
         }
         let own = self.credentials.as_ref();
-        let (visitor, offer_read) =
-            introduction::admit_viewer(&self.client, own, room, name, &offer.sdp).await?;
-        if let Err(refusal) = self
-            .door
-            .knock(&visitor, offer.token.as_ref(), crate::now())
-        {
-            return self.refuse(room, name, refusal).await;
+        let (visitor, offer_read) = introduction::check_viewer(own, room, &offer.sdp)?;
+        if room.is_seat() && !self.door.is_seated(&visitor).await {
+            return Err(CallError::Refused(Refusal::Seat));
         }
+        (self.door)
+            .knock(&visitor, offer.token.as_ref(), crate::now())
+            .map_err(CallError::Refused)?;
         // What is handed over is seen and heard whole.
         let may_be_handed_over = visitor.rights() == Rights::ALL;
         let place = if hands_over && may_be_handed_over {
             take(&self.places.viewers).map(Some)
         } else {
-            let is_full = self.counts.viewers.load(Relaxed) >= MAX_VIEWERS;
-            (!is_full).then_some(None)
+            let has_room = self.door.has_room(&visitor, offer.network.as_ref());
+            has_room.then_some(None)
         };
         match place {
             Some(place) => Ok(Admitted {
@@ -123,31 +126,41 @@ impl Shared {
             }),
             None if hands_over && may_be_handed_over => {
                 // Before the answer: the viewer may be removed as soon as it is there.
-                let is_known = self.door.hand_over(visitor, name.clone());
-                let refusal = if is_known {
-                    Refusal::Full
+                Err(if self.door.hand_over(visitor, name.clone()) {
+                    CallError::HandedOver
                 } else {
-                    Refusal::Many
-                };
-                self.refuse(room, name, refusal).await
+                    CallError::TooManyViewers
+                })
             }
-            None => self.refuse(room, name, Refusal::Many).await,
+            None => Err(CallError::TooManyViewers),
         }
     }
 
-    /// Answers that the side which offers is not taken.
-    async fn refuse(
+    /// Takes the side that offers, and makes this side of the connection and the answer.
+    async fn prepare(
         &self,
         room: &RoomLink,
         name: &Name,
-        refusal: Refusal,
-    ) -> Result<Admitted, CallError> {
-        (self.client.answer(room, name, &refusal.answer())).await?;
-        Err(match refusal {
-            Refusal::Full => CallError::HandedOver,
-            Refusal::Many => CallError::TooManyViewers,
-            refusal => CallError::Refused(refusal),
-        })
+        offer: &Offer,
+        plan: Plan,
+    ) -> Result<(Admitted, Peer, String), CallError> {
+        let admitted = self.admit(room, name, offer).await?;
+        let offer = &admitted.offer;
+        let (peer, answer) = Peer::answer(plan, self.channel, offer).await?;
+        let own = self.credentials.as_ref();
+        let answer = introduction::introduce_sender(own, room, self.avatar, offer, &answer)?;
+        Ok((admitted, peer, answer))
+    }
+}
+
+/// What the side that offers is answered where it is not taken. Each offer is: one without an answer keeps a place at the server for seconds.
+fn refusal(why: &CallError) -> Refusal {
+    match why {
+        CallError::HandedOver => Refusal::Full,
+        // Not the viewer's fault: it may try again.
+        CallError::TooManyViewers | CallError::Random(_) => Refusal::Many,
+        CallError::Refused(refusal) => *refusal,
+        _ => Refusal::Link,
     }
 }
 
@@ -179,28 +192,45 @@ pub(super) async fn serve_viewer(
         .plan(room.server(), &shared.ice_servers)
         .await;
     let relay = plan.relay.clone();
-    let forwards = offer.forwards;
+    let prepared = tokio::select! {
+        prepared = shared.prepare(&room, name, &offer, plan) => prepared,
+        // It makes room for newer offers, or has gone.
+        () = is_set(&mut left) => Err(CallError::TooManyViewers),
+    };
+    let (admitted, mut peer, answer) = match prepared {
+        Ok(prepared) => prepared,
+        Err(why) => {
+            let answer = refusal(&why).answer();
+            if let Err(error) = shared.client.answer(&room, name, &answer).await {
+                log::debug!("a viewer was not told why it is not taken: {error}");
+            }
+            return match why {
+                // The performer has nothing to do about it.
+                CallError::HandedOver => {
+                    log::debug!("a viewer is handed over to the server");
+                    Ok(())
+                }
+                // They are told, and so is the performer, at the door.
+                CallError::Refused(refusal)
+                    if !matches!(refusal, Refusal::Link | Refusal::Seat) =>
+                {
+                    log::debug!("a viewer is refused: {refusal:?}");
+                    Ok(())
+                }
+                CallError::Refused(Refusal::Seat) => Err(CallError::NotSeated),
+                why => Err(why),
+            };
+        }
+    };
     let Admitted {
-        offer,
         visitor,
         place,
         sealer,
-    } = match shared.admit(&room, name, &offer).await {
-        // The performer has nothing to do about it.
-        Err(CallError::HandedOver) => {
-            log::debug!("a viewer is handed over to the server");
-            return Ok(());
-        }
-        // They are told, and so is the performer, at the door.
-        Err(CallError::Refused(refusal)) if refusal != Refusal::Link => {
-            log::debug!("a viewer is refused: {refusal:?}");
-            return Ok(());
-        }
-        admitted => admitted?,
-    };
-    let (mut peer, answer) = Peer::answer(plan, shared.channel, &offer).await?;
-    let own = shared.credentials.as_ref();
-    let answer = introduction::introduce_sender(own, &room, shared.avatar, &offer, &answer)?;
+        ..
+    } = admitted;
+    let Offer {
+        forwards, network, ..
+    } = offer;
     let introduced = timeout(OPEN_TIMEOUT, async {
         shared.client.answer(&room, name, &answer).await?;
         peer.introduced().await
@@ -218,7 +248,8 @@ pub(super) async fn serve_viewer(
     counts.viewers.fetch_add(1, Relaxed);
     counts.joined.fetch_add(1, Relaxed);
     let path = peer.path().await;
-    let stay = visitor.map(|visitor| shared.door.enter(visitor));
+    let heard = shared.hearing.begin(network.clone());
+    let stay = visitor.map(|visitor| shared.door.enter(visitor, network));
     let who = match &stay {
         None => "the server's forwarder".to_owned(),
         Some(_) => "a viewer".to_owned(),
@@ -246,7 +277,10 @@ pub(super) async fn serve_viewer(
         place,
         watching,
         &mut left,
-        stay.as_ref(),
+        Audience {
+            stay: stay.as_ref(),
+            heard,
+        },
     )
     .await;
     drop(stay);
@@ -254,6 +288,13 @@ pub(super) async fn serve_viewer(
     log::info!("{who} has left (session {session:08x}): {why}");
     peer.close().await;
     Ok(())
+}
+
+/// Who is at the other end.
+struct Audience<'a> {
+    /// Nothing of the server's forwarder.
+    stay: Option<&'a Stay>,
+    heard: Heard,
 }
 
 /// Sends every frame after `before` until the viewer or this side leaves; returns why it ended.
@@ -264,7 +305,7 @@ async fn send_motion(
     mut place: Option<OwnedSemaphorePermit>,
     mut watching: Option<Forwards>,
     left: &mut watch::Receiver<bool>,
-    stay: Option<&Stay>,
+    Audience { stay, heard }: Audience<'_>,
 ) -> &'static str {
     let session = outlet.session;
     let rights = stay.map_or(Rights::ALL, |stay| stay.visitor().rights());
@@ -361,6 +402,7 @@ async fn send_motion(
                     Some(Message::Feedback(feedback)) => {
                         silent_at = Instant::now() + SILENCE_TIMEOUT;
                         doubt_at = Some(Instant::now() + DOUBT);
+                        heard.is_heard();
                         encoder.acknowledge(feedback.newest, feedback.received);
                         losses.report(feedback);
                         if feedback.sent != Micros(0) {
@@ -386,7 +428,9 @@ async fn send_motion(
                 doubt_at = None;
                 // The viewer may come back by another connection before this one is given up.
                 drop(place.take());
-                shared.doubt.notify_one();
+                if heard.is_silent() {
+                    shared.doubt.notify_one();
+                }
             }
             () = sleep_until(silent_at) => return "it sent nothing for 4 s",
         }

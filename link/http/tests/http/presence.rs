@@ -89,6 +89,7 @@ async fn all(presence: &mut Presence) {
         sdp: "v=0\r\n".to_owned(),
         forwards: false,
         token: None,
+        network: None,
     };
     assert_eq!(presence.next().await.expect("an event"), offer, "first");
     assert_eq!(

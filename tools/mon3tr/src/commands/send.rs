@@ -147,6 +147,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let keeper = Arc::new(Doorkeeper::new(
         desk.door.clone(),
         venue,
+        None,
         credentials,
         &line,
     ));
@@ -168,14 +169,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     }
     options.door.print_guests(&keeper)?;
     keeper.listen_to_terminal()?;
-    let report = perform(
-        &desk,
-        entered.host,
-        performer,
-        preview,
-        &line,
-        Some(&keeper),
-    )?;
+    let report = perform(&desk, entered.host, performer, preview, &line, &keeper)?;
     report.print();
     write_json(options.json.as_deref(), &report)
 }
@@ -210,7 +204,7 @@ pub(crate) fn perform(
     performer: Performer,
     preview: Option<Preview>,
     line: &Line,
-    keeper: Option<&Doorkeeper>,
+    keeper: &Doorkeeper,
 ) -> anyhow::Result<Report> {
     let Performer {
         avatar,
@@ -267,9 +261,9 @@ pub(crate) fn perform(
     let over = AtomicBool::new(false);
     let performed = std::thread::scope(|scope| {
         let _over = SetAtEnd(&over);
+        scope.spawn(|| keeper.watch(&over));
         // In a call of several the roster tells who comes and goes.
-        if let Some(keeper) = keeper {
-            scope.spawn(|| keeper.watch(&over));
+        if !keeper.is_of_call() {
             scope.spawn(|| tell_of_viewers(&host, &over));
         }
         match (preview, shown) {

@@ -15,11 +15,11 @@ const LONGEST: u64 = 512 << 10;
 /// A room's links end before that.
 const FORGOTTEN_AFTER: Duration = Duration::from_secs(40 * 86_400);
 
-/// The file of one room.
+/// The file of one room or call.
 pub(super) struct Book(LineFile);
 
 impl Book {
-    /// That of this room, in the folder of all of them. Files of rooms that are long over are removed.
+    /// That of this room or call, in the folder of all of them. Files of rooms that are long over are removed.
     pub(super) fn of(room: &Name) -> anyhow::Result<Self> {
         let folder = keys::rooms()?;
         std::fs::create_dir_all(&folder)

@@ -18,6 +18,7 @@ mod house;
 mod identity;
 mod interop;
 mod lips;
+mod member;
 mod nat;
 mod network;
 mod outage;

@@ -123,7 +123,9 @@ fn whoever_is_killed_leaves_and_a_full_call_says_so() {
     let house = House::open();
     let voice = syllables(1);
     let host = host(&house);
-    let mut ada = begin(&house, "ada", &voice, &host.arguments());
+    // All come from one address.
+    let arguments = [&host.arguments()[..], &["--seats-per-address", "8"]].concat();
+    let mut ada = begin(&house, "ada", &voice, &arguments);
     let link = ada.word_after("mon3tr call ");
     let others: Vec<Program> = (1..8)
         .map(|number| {

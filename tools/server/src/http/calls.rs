@@ -1,7 +1,7 @@
 //! Calls of several: a call is a name from which its seats follow, each a room of its own. Nothing is kept of a call either: its members' token says which
 //! it is, and a seat is taken while its presence stream is open.
 
-use super::rooms::{lifetime_of, random, sign};
+use super::rooms::{lifetime_within, no_random, random};
 use super::{App, HttpError};
 use crate::Id;
 use crate::rooms::{RoomReply, RoomRequest};
@@ -13,7 +13,8 @@ use axum::extract::{Extension, Path, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::future::join_all;
-use link_protocol::calls::{CallStatus, OpenedCall, Seat, Taken};
+use link_protocol::calls::{CallStatus, OpenCall, OpenedCall, Seat, Taken};
+use link_protocol::limits::{MAX_PEOPLE, SEATS_PER_ADDRESS};
 use std::sync::Arc;
 
 const NO_STORE: [(header::HeaderName, HeaderValue); 1] =
@@ -27,11 +28,25 @@ pub(super) async fn open(
     if claims.role != Role::Owner {
         return Err(HttpError::NotFound);
     }
-    let expires = now().saturating_add(lifetime_of(&app, &body?)?);
+    let body = body?;
+    let order: OpenCall = if body.is_empty() {
+        OpenCall::default()
+    } else {
+        serde_json::from_slice(&body).map_err(HttpError::NoRoomRequest)?
+    };
+    let lifetime = lifetime_within(&app, order.lifetime_s)?;
+    let expires = now().saturating_add(lifetime);
+    let seats = order.seats_per_address.unwrap_or(SEATS_PER_ADDRESS);
+    if !(1..=MAX_PEOPLE).contains(&seats.into()) {
+        return Err(HttpError::SeatsPerAddress);
+    }
     let call = random()?;
+    let member = Claims::in_room(Role::Member, claims.owner, call, expires).map_err(no_random)?;
     let opened = OpenedCall {
         call: call.into(),
-        member_token: sign(&app, Role::Member, &claims, call, expires)?.1,
+        member_token: (member.made_with(&claims))
+            .with_seats_per_address(seats)
+            .sign(&app.secret),
         expires,
     };
     Ok((StatusCode::CREATED, NO_STORE, Json(opened)).into_response())
@@ -62,16 +77,19 @@ async fn seat(app: &App, room: Id) -> Result<Seat, HttpError> {
         RoomReply::Announcement {
             announcement,
             person,
+            proof,
             ..
         } => Some(Taken {
             announcement,
             person,
+            proof,
         }),
         RoomReply::Unreachable => return Err(HttpError::SenderUnreachable),
         _ => None,
     };
     Ok(Seat {
         room: room.into(),
+        kept: taken.is_none() && app.rooms.is_kept(room),
         taken,
     })
 }

@@ -6,7 +6,7 @@ use axum::Json;
 use axum::extract::rejection::BytesRejection;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use link_protocol::limits::MAX_REVOKED;
+use link_protocol::limits::{MAX_PEOPLE, MAX_REVOKED};
 use link_protocol::rooms::ErrorBody;
 
 /// A response that is no success. Its text is the body, as JSON.
@@ -57,6 +57,14 @@ pub(crate) enum HttpError {
     TooManySenders,
     #[error("someone else sits there; take another seat")]
     SeatTaken,
+    #[error(
+        "this network address has {most} seats of the call, and may have no more; the call's opener can allow more (`call --seats-per-address`)"
+    )]
+    TooManySeats { most: u8 },
+    #[error("one network address may have 1 to {MAX_PEOPLE} seats of a call")]
+    SeatsPerAddress,
+    #[error("the body does not say who leaves the seat: {0}")]
+    NotLeft(serde_json::Error),
     #[error("whoever takes a seat of a call has to name an `occupant`")]
     NoOccupant,
     #[error("a sender may revoke the tokens of {MAX_REVOKED} viewers")]
@@ -106,10 +114,14 @@ impl HttpError {
             | Self::NoSdp
             | Self::NoAnnouncement(_)
             | Self::NoOccupant
+            | Self::NotLeft(_)
+            | Self::SeatsPerAddress
             | Self::Revoked
             | Self::AvatarSize { .. } => StatusCode::UNPROCESSABLE_ENTITY,
             Self::SeatTaken => StatusCode::CONFLICT,
-            Self::Blocked | Self::CallUploads { .. } => StatusCode::FORBIDDEN,
+            Self::Blocked | Self::CallUploads { .. } | Self::TooManySeats { .. } => {
+                StatusCode::FORBIDDEN
+            }
             Self::NoSdpType => StatusCode::UNSUPPORTED_MEDIA_TYPE,
             Self::SenderSilent => StatusCode::GATEWAY_TIMEOUT,
             Self::Range { .. } => StatusCode::RANGE_NOT_SATISFIABLE,

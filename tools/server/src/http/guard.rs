@@ -26,6 +26,12 @@ const FORWARDED_FOR: &str = "x-forwarded-for";
 #[derive(Clone, Copy)]
 pub(super) struct Client(pub(super) IpAddr);
 
+impl Client {
+    pub(super) fn address(self) -> IpAddr {
+        self.0
+    }
+}
+
 /// Finds out where a request comes from, counts it and writes it to the log, with nothing that is secret: the route's pattern and no room, no token.
 pub(super) async fn count(
     State(app): State<Arc<App>>,

@@ -140,7 +140,9 @@ pub(crate) fn router(app: Arc<App>) -> Router {
     let long = Router::new()
         .route(
             "/v1/rooms/{room}/presence",
-            post(presence::enter).layer(DefaultBodyLimit::max(MAX_JSON_BYTES)),
+            post(presence::enter)
+                .delete(presence::leave)
+                .layer(DefaultBodyLimit::max(MAX_JSON_BYTES)),
         )
         .route(
             "/v1/packages/{hash}",

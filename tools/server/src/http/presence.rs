@@ -1,20 +1,23 @@
 //! The sender's presence: a stream of events that is open while the sender is in the room.
 
-use super::guard::discard;
-use super::rooms::{random, room_of};
+use super::guard::{Client, discard};
+use super::rooms::{random, refused, room_of};
 use super::{App, HttpError};
 use crate::Id;
 use crate::ice::TELL_ICE_EVERY;
 use crate::packages::Shelf;
-use crate::rooms::{NotEntered, PresenceGuard, RoomReply, RoomRequest, is_of_another};
+use crate::rooms::{
+    CallSeats, NotEntered, Occupancy, PresenceGuard, RoomReply, RoomRequest, is_of_another,
+};
 use crate::token::{Claims, Role, now};
 use axum::body::Bytes;
+use axum::extract::rejection::BytesRejection;
 use axum::extract::{Extension, FromRequest, Path, Request, State};
-use axum::http::HeaderMap;
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::sse::{Event as SseEvent, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
-use link_protocol::calls::EnterRoom;
+use link_protocol::calls::{EnterRoom, LeaveSeat};
 use link_protocol::limits::{MAX_REVOKED, PRESENCE_COMMENT_EVERY};
 use link_protocol::presence::PresenceEvent;
 use std::convert::Infallible;
@@ -32,6 +35,7 @@ const ANNOUNCED_WITHIN: Duration = Duration::from_secs(10);
 pub(super) async fn enter(
     State(app): State<Arc<App>>,
     Extension(claims): Extension<Claims>,
+    Extension(client): Extension<Client>,
     Path(room): Path<String>,
     headers: HeaderMap,
     request: Request,
@@ -65,15 +69,26 @@ pub(super) async fn enter(
         }
         Ok(Ok(Some(_))) => {}
     }
+    let seats = (claims.role == Role::Member).then(|| CallSeats {
+        rooms: claims.seats(&app.secret).collect(),
+        per_network: claims.seats_per_address().into(),
+    });
+    let of = Occupancy {
+        owner: claims.owner,
+        network: (seats.as_ref()).map(|_| app.secret.network(claims.room(), client.address())),
+    };
     let (guard, events) = app
         .rooms
-        .enter(room, random()?, claims.owner, sender)
+        .enter(room, random()?, of, seats.as_ref(), sender)
         .inspect_err(|_| {
             app.metrics.senders_refused.inc();
         })
         .map_err(|refused| match refused {
             NotEntered::TooManyRooms => HttpError::TooManySenders,
             NotEntered::Taken => HttpError::SeatTaken,
+            NotEntered::TooManySeats => HttpError::TooManySeats {
+                most: claims.seats_per_address(),
+            },
         })?;
     if let Some(relay) = &app.relay {
         relay.hold(room, Arc::clone(&guard.presence)).await;
@@ -83,7 +98,7 @@ pub(super) async fn enter(
         replaced: guard.presence.replaced(),
         ends: Instant::now() + Duration::from_secs(claims.expires.saturating_sub(now())),
         stopping: app.stopping.clone(),
-        _guard: guard,
+        guard,
         events,
         next: Next::Comment,
         app: Arc::clone(&app),
@@ -97,6 +112,22 @@ pub(super) async fn enter(
     Ok(Sse::new(stream::unfold(stream, EventStream::next))
         .keep_alive(keep_alive)
         .into_response())
+}
+
+/// The occupant leaves its seat on purpose.
+pub(super) async fn leave(
+    State(app): State<Arc<App>>,
+    Extension(claims): Extension<Claims>,
+    Path(room): Path<String>,
+    body: Result<Bytes, BytesRejection>,
+) -> Result<StatusCode, HttpError> {
+    let seat = room_of(&app, &claims, &[], &room)?;
+    let LeaveSeat { occupant } = serde_json::from_slice(&body?).map_err(HttpError::NotLeft)?;
+    app.rooms.release(seat, &occupant);
+    match app.ask(seat, RoomRequest::LeaveSeat { occupant }).await {
+        RoomReply::Done | RoomReply::Absent => Ok(StatusCode::NO_CONTENT),
+        other => Err(refused(&other)),
+    }
 }
 
 /// That a seat is free, or its occupant comes back to it, as far as other instances know. Two newcomers at one moment on two instances are not told apart: the
@@ -128,7 +159,7 @@ struct EventStream {
     /// When the sender's token expires.
     ends: Instant,
     next: Next,
-    _guard: PresenceGuard,
+    guard: PresenceGuard,
     app: Arc<App>,
     /// Of the request, which say by what name the sender reaches this server.
     headers: HeaderMap,
@@ -177,11 +208,15 @@ impl EventStream {
                 () = self.stopping.cancelled() => return None,
                 // Who has no right to the room any more is to hear of nobody in it, nor to keep others out.
                 () = self.app.revoked.until_any(&self.names) => {
+                    self.guard.presence.leave();
                     let sessions = self.app.joined.of_room(self.claims.owner, self.room);
                     self.next = Next::Leaves(sessions);
                     SseEvent::default().comment("revoked")
                 }
-                () = tokio::time::sleep_until(self.ends) => return None,
+                () = tokio::time::sleep_until(self.ends) => {
+                    self.guard.presence.leave();
+                    return None;
+                }
                 () = tokio::time::sleep_until(self.tell_ice), if self.app.ice.has_any() => {
                     self.tell_ice = Instant::now() + TELL_ICE_EVERY;
                     let servers = self.app.ice.senders_servers(&self.headers, self.room, &self.claims);

@@ -1,5 +1,6 @@
 //! Opening rooms, joining them, leaving them, and the sender's answers.
 
+use super::guard::Client;
 use super::senders_room::RoomHere;
 use super::{App, HttpError};
 use crate::forwarding::{HandedOver, SendersRoom};
@@ -80,10 +81,21 @@ pub(super) fn sign(
     Ok((claims.name, claims.sign(&app.secret)))
 }
 
-/// The lifetime that the body of a request for a room or a call asks for, seconds.
-pub(super) fn lifetime_of(app: &App, body: &[u8]) -> Result<u64, HttpError> {
-    let usual = DEFAULT_ROOM_LIFETIME.min(app.limits.room_lifetime);
-    Ok(order_of(app, body)?.lifetime_s.unwrap_or(usual.as_secs()))
+/// The lifetime that the body of a request for a room asks for, seconds.
+fn lifetime_of(app: &App, body: &[u8]) -> Result<u64, HttpError> {
+    lifetime_within(app, order_of(app, body)?.lifetime_s)
+}
+
+/// The lifetime of a room or a call for which this one is asked, seconds.
+pub(super) fn lifetime_within(app: &App, asked: Option<u64>) -> Result<u64, HttpError> {
+    let longest = app.limits.room_lifetime.as_secs();
+    match asked {
+        Some(lifetime) if lifetime == 0 || lifetime > longest => {
+            Err(HttpError::RoomLifetime { longest })
+        }
+        Some(lifetime) => Ok(lifetime),
+        None => Ok(DEFAULT_ROOM_LIFETIME.as_secs().min(longest)),
+    }
 }
 
 fn order_of(app: &App, body: &[u8]) -> Result<OpenRoom, HttpError> {
@@ -92,13 +104,8 @@ fn order_of(app: &App, body: &[u8]) -> Result<OpenRoom, HttpError> {
     } else {
         serde_json::from_slice(body).map_err(HttpError::NoRoomRequest)?
     };
-    let longest = app.limits.room_lifetime.as_secs();
-    match order.lifetime_s {
-        Some(lifetime) if lifetime == 0 || lifetime > longest => {
-            Err(HttpError::RoomLifetime { longest })
-        }
-        _ => Ok(order),
-    }
+    lifetime_within(app, order.lifetime_s)?;
+    Ok(order)
 }
 
 pub(super) async fn status(
@@ -125,6 +132,7 @@ pub(super) async fn status(
 pub(super) async fn join(
     State(app): State<Arc<App>>,
     Extension(claims): Extension<Claims>,
+    Extension(client): Extension<Client>,
     Path(room): Path<String>,
     headers: HeaderMap,
     body: Body,
@@ -138,6 +146,7 @@ pub(super) async fn join(
         sdp,
         forwards: false,
         viewer: viewer_of(&claims),
+        network: Some(app.secret.network(room, client.address())),
     };
     match app.ask(room, request).await {
         RoomReply::Answer { sdp } => {
@@ -244,7 +253,7 @@ pub(super) fn random() -> Result<Id, HttpError> {
     Id::random().map_err(no_random)
 }
 
-fn no_random(error: ServerError) -> HttpError {
+pub(super) fn no_random(error: ServerError) -> HttpError {
     log::error!("{error}");
     HttpError::NoRandom
 }

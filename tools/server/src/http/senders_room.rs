@@ -59,6 +59,7 @@ impl SendersRoom for RoomHere {
             sdp: sdp.to_owned(),
             forwards: true,
             viewer: None,
+            network: None,
         };
         match app.ask(self.room, request).await {
             RoomReply::Answer { sdp } => Some((session.into(), sdp)),

@@ -166,3 +166,122 @@ async fn a_member_has_no_right_beyond_its_call() -> Outcome {
     assert_eq!(removed, StatusCode::NOT_FOUND, "the owner's package stays");
     Ok(())
 }
+
+/// A call of which one address may have so many seats, with an avatar in its store.
+async fn call_with(caller: &Caller, order: &Value) -> Outcome<Call> {
+    let token = caller.owner("ada");
+    let opens = caller
+        .request(Method::POST, "/v1/calls", &token)
+        .json(order);
+    let opened: Value = opens.send().await?.json().await?;
+    let text = |key: &str| opened[key].as_str().unwrap_or_default().to_owned();
+    let call = Call {
+        id: text("call"),
+        member: text("member_token"),
+    };
+    let put = caller.put_package(package(), &call.member).await?;
+    assert!(put.status().is_success(), "{}", put.status());
+    Ok(call)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn one_address_takes_as_many_seats_as_the_opener_allows() -> Outcome {
+    let server = TestServer::start().await?;
+    let caller = &server.caller;
+    for (order, expected) in [
+        (json!({}), 3),
+        (json!({ "seats_per_address": 1 }), 1),
+        (json!({ "seats_per_address": 8 }), 8),
+    ] {
+        let call = call_with(caller, &order).await?;
+        let rooms = rooms(&caller.seats(&call).await?);
+        let mut seated = Vec::new();
+        for (number, room) in rooms.iter().enumerate() {
+            let sits = caller.sit(&call, room, &format!("o{number}")).await?;
+            let status = sits.status();
+            if number < expected {
+                assert_eq!(status, StatusCode::OK, "{order}: seat {number}");
+                seated.push(Presence::new(sits));
+            } else {
+                assert_eq!(status, StatusCode::FORBIDDEN, "{order}: seat {number}");
+                let said = sits.text().await?;
+                assert!(said.contains("--seats-per-address"), "{said}");
+            }
+        }
+        // An occupant who comes back is no further one.
+        let again = caller.sit(&call, &rooms[0], "o0").await?.status();
+        assert_eq!(again, StatusCode::OK, "{order}");
+    }
+    let token = caller.owner("ada");
+    for wrong in [0, 9, 255] {
+        let order = json!({ "seats_per_address": wrong });
+        let opens = caller
+            .request(Method::POST, "/v1/calls", &token)
+            .json(&order);
+        let status = opens.send().await?.status();
+        assert_eq!(status, StatusCode::UNPROCESSABLE_ENTITY, "{wrong}");
+    }
+    Ok(())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_seat_is_kept_for_its_occupant_for_ten_seconds_unless_they_leave_it() -> Outcome {
+    let server = TestServer::start().await?;
+    let caller = &server.caller;
+    let call = call_with(caller, &json!({})).await?;
+    let room = rooms(&caller.seats(&call).await?)[0].clone();
+    let is_kept = async || Outcome::Ok(caller.seats(&call).await?[0]["kept"] == json!(true));
+    let leaves = async |occupant: &str| {
+        let path = format!("/v1/rooms/{room}/presence");
+        let request = caller.request(Method::DELETE, &path, &call.member);
+        let request = request.json(&json!({ "occupant": occupant }));
+        Outcome::Ok(request.send().await?.status())
+    };
+    let sits = Presence::new(caller.sit(&call, &room, "o1").await?);
+    assert!(!is_kept().await?, "it is taken");
+    drop(sits);
+    let broke = std::time::Instant::now();
+    while !is_kept().await? {
+        assert!(broke.elapsed() < Duration::from_secs(5), "it is not kept");
+    }
+    let told = caller.seats(&call).await?;
+    assert!(told[0].get("taken").is_none(), "nobody is there: {told:?}");
+    let other = caller.sit(&call, &room, "o2").await?.status();
+    assert_eq!(other, StatusCode::CONFLICT, "kept");
+    // Who does not know what the occupant said changes nothing.
+    assert_eq!(leaves("o2").await?, StatusCode::NO_CONTENT);
+    assert!(is_kept().await?);
+    let again = Presence::new(caller.sit(&call, &room, "o1").await?);
+    // Left on purpose, by the occupant alone.
+    assert_eq!(leaves("o1").await?, StatusCode::NO_CONTENT);
+    drop(again);
+    let other = loop {
+        let other = caller.sit(&call, &room, "o2").await?;
+        if other.status() == StatusCode::OK {
+            break Presence::new(other);
+        }
+        assert!(broke.elapsed() < Duration::from_secs(8), "it is kept");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    };
+    drop(other);
+    while !is_kept().await? {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    let broke = std::time::Instant::now();
+    while is_kept().await? {
+        assert!(broke.elapsed() < Duration::from_secs(30), "it is kept");
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    assert!(broke.elapsed() > Duration::from_secs(8), "not long enough");
+    let third = caller.sit(&call, &room, "o3").await?.status();
+    assert_eq!(third, StatusCode::OK, "free");
+    // A sender's and a viewer's token leave no seat.
+    let owned = caller.room("ada").await?;
+    for token in [&owned.sender, &owned.viewer] {
+        let path = format!("{}/presence", owned.path());
+        let request = caller.request(Method::DELETE, &path, token);
+        let status = request.json(&json!({ "occupant": "o" })).send().await?;
+        assert_eq!(status.status(), StatusCode::NOT_FOUND);
+    }
+    Ok(())
+}

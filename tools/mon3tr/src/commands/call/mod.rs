@@ -2,14 +2,16 @@
 
 use crate::commands::receive::people::{Arrival, Person, fetch};
 use crate::commands::{receive, send};
-use crate::controls::{Controls, KEYS, Others};
+use crate::controls::{Controls, KEYS, LONGEST_WORD, Others};
 use crate::device_options::DeviceOptions;
+use crate::doorkeeper::{Doorkeeper, door_of_call};
 use crate::keys;
 use crate::network::{self, Line};
 use crate::remembered::Remembered;
 use crate::report::{check_writable, write_json};
 use crate::secret_argument::SecretArgument;
 use crate::stills::load_others_avatar;
+use crate::typed::take_lines;
 use crate::viewpoint::Viewpoint;
 use anyhow::{Context, anyhow};
 use app_session::SetAtEnd;
@@ -21,7 +23,7 @@ use link_protocol::limits::MAX_PEOPLE;
 use link_protocol::{Announcement, CallLink, PersonName, RoomLink};
 use link_voice::VoiceQueue;
 use motion_fit::wearer::Stance;
-use sender::{Place, new_secret};
+use sender::{Desk, Place, new_secret};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering::Relaxed;
@@ -48,6 +50,12 @@ pub struct Options {
     /// Be heard only while the space bar is held in the window (`m` on the terminal does it too)
     #[arg(long)]
     push_to_talk: bool,
+    /// Ask about each other member, who waits until you let them in
+    #[arg(long)]
+    ask: bool,
+    /// How many people may join a call that is opened now from one network address, which all behind one router share [default: 3]
+    #[arg(long, value_name = "N", conflicts_with = "link", value_parser = clap::value_parser!(u8).range(1..=MAX_PEOPLE as i64))]
+    seats_per_address: Option<u8>,
     /// Hang up so many seconds after the first other one is there [default: on q, on Ctrl-C, or when the window is closed]
     #[arg(long, value_name = "SECONDS", value_parser = network::parse_seconds)]
     seconds: Option<Duration>,
@@ -130,8 +138,19 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         link: link.clone(),
         name: me.name.clone(),
     };
-    let desk = person.desk(place, &avatar, performer.rate_hz, credentials.clone());
+    let desk = Desk {
+        door: door_of_call(link.call(), options.ask)?,
+        ..person.desk(place, &avatar, performer.rate_hz, credentials.clone())
+    };
     let entered = send::enter(&desk, &line)?;
+    let keeper = Doorkeeper::new(
+        desk.door.clone(),
+        entered.host.venue(),
+        Some(link.call()),
+        credentials.clone(),
+        &line,
+    );
+    let keeper = Arc::new(keeper);
     me.keep();
     let seated = Instant::now();
     if given.is_none() {
@@ -152,6 +171,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let controls = Controls {
         privacy: entered.host.privacy(),
         members: members.clone(),
+        door: desk.door.clone(),
         clock: line.clock,
         own: own.clone(),
         stop: Arc::clone(&line.stop),
@@ -171,16 +191,23 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
         members: members.clone(),
         acquaintances: Acquaintances::open(keys::people_met()?),
         offers: entered.host.offers(),
+        door: desk.door.clone(),
         longest: options.seconds,
         network: &context,
         stop: &line.stop,
         tell: &|line| println!("{line}"),
     };
-    let steered = controls.clone();
+    let (steered, kept) = (controls.clone(), Arc::clone(&keeper));
     std::thread::Builder::new()
         .name("keys".to_owned())
         // It ends with the process: nothing ends a read of the terminal.
-        .spawn(move || steered.listen(std::io::stdin().lock()))
+        .spawn(move || {
+            take_lines(std::io::stdin().lock(), LONGEST_WORD, |line| {
+                if !kept.obey_in_call(line, &steered.keys()) {
+                    steered.obey(line);
+                }
+            });
+        })
         .context("cannot start a thread for the keys")?;
     let sound = show.sound.begin(&voices, line.clock)?;
     let came = Mutex::new(Vec::new());
@@ -203,7 +230,7 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
     let (sent, shown, figures) = std::thread::scope(|scope| {
         let sent = scope.spawn(|| {
             let _over = SetAtEnd(&line.stop);
-            send::perform(&desk, entered.host, performer, None, &line, None)
+            send::perform(&desk, entered.host, performer, None, &line, &keeper)
         });
         let figures = scope.spawn(|| {
             let _over = SetAtEnd(&line.stop);
@@ -289,7 +316,8 @@ impl Options {
 
     fn open_call(&self, line: &Line) -> anyhow::Result<CallLink> {
         let token = self.host.owner_token()?;
-        let opened = line.client.open_call(self.host.server(), &token, None);
+        let (server, seats) = (self.host.server(), self.seats_per_address);
+        let opened = line.client.open_call(server, &token, None, seats);
         line.network.block_on(opened).context("cannot open a call")
     }
 }

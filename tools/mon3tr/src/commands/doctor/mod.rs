@@ -95,7 +95,7 @@ impl Options {
         }
         let server = self.server.as_ref().context("no server")?;
         let token = self.token.of(server)?;
-        let opened = line.client.open_call(server, &token, None);
+        let opened = line.client.open_call(server, &token, None, None);
         line.network
             .block_on(opened)
             .context("the server cannot be asked")

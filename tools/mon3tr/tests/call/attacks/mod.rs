@@ -7,6 +7,7 @@ mod bounds;
 mod hang_up;
 mod membership;
 mod packets;
+mod relay;
 mod secrets;
 mod soak;
 

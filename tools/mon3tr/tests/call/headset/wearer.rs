@@ -2,13 +2,10 @@
 
 use super::viewer::monado;
 use crate::both_ways::{host, prepare};
-use crate::house::{House, Program, wait_for};
+use crate::house::{House, Program};
+use crate::member::Member;
 use glam::{Mat3, Quat, Vec3};
-use link_call::{Authentication, CallEvent, Viewer};
-use link_http::Client;
-use link_playout::Clock;
-use link_protocol::RoomLink;
-use link_voice::VoiceQueue;
+use link_call::{CallEvent, Viewer};
 use spmm3::{Joint, MotionParams, Skeleton};
 use std::time::Duration;
 use synthetic_person::Puppet;
@@ -105,16 +102,6 @@ impl Actor {
     }
 }
 
-/// The link to see the only person in a call.
-fn seat(house: &House, client: &Client, call: &str) -> RoomLink {
-    let call = call.parse().expect("a call's link");
-    wait_for("somebody in the call", || {
-        let status = house.runtime.block_on(client.call_status(&call)).ok()?;
-        let taken = status.seats.iter().find(|seat| seat.taken.is_some())?;
-        Some(call.seat(&taken.room))
-    })
-}
-
 /// The next motion.
 fn next(viewer: &Viewer) -> MotionParams {
     let mut silent = 0;
@@ -183,17 +170,10 @@ fn a_wearers_head_and_wrists_are_where_the_script_put_them_in_the_motion_that_ot
         let call = ada.word_after("mon3tr call ");
         super::viewer::is_focused(&mut ada, 1);
 
-        let client = Client::new(None).expect("a client");
-        let link = seat(&house, &client, &call);
-        let entered = house.runtime.enter();
-        let viewer = Viewer::join(
-            client,
-            link,
-            Authentication::default(),
-            Clock::start(),
-            VoiceQueue::default(),
-        );
-        drop(entered);
+        let bob = Member::of(&house, &call, 2);
+        let seat = bob.seat_of("ada");
+        let seated = bob.sits("bob").expect("a seat is free");
+        let viewer = bob.watches(&seat);
         let mut worst = [0.0f32; 3];
         for (number, moment) in moments.iter().enumerate() {
             head.send(&actor.script(moment));
@@ -214,6 +194,7 @@ fn a_wearers_head_and_wrists_are_where_the_script_put_them_in_the_motion_that_ot
             worst = [0, 1, 2].map(|k: usize| worst[k].max(off[k]));
         }
         house.runtime.block_on(viewer.hang_up());
+        house.runtime.block_on(seated.hang_up());
         assert!(worst.iter().all(|error| *error <= WRISTS), "{worst:?} m");
         ada.ask_to_end();
         let report = ada.report();
