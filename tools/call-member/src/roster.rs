@@ -296,7 +296,8 @@ impl Roster<'_> {
             if let Some(person) = known {
                 person.is_seated = true;
                 // What the server says that they are called is of no account: who it is shows in the connection.
-                if person.taken.announcement.avatar != taken.announcement.avatar {
+                let is_same_avatar = person.taken.announcement.avatar == taken.announcement.avatar;
+                if !is_same_avatar || *key != Some(person.key) {
                     person.watch.leave();
                 }
                 continue;

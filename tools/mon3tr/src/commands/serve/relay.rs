@@ -15,7 +15,7 @@ pub struct Options {
     /// Address and port to listen on, over UDP and TCP (and TLS, where there is a certificate)
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "0.0.0.0:3478")]
     listen: SocketAddr,
-    /// The server's secret [default: `secret` in the folder of a server on this machine]
+    /// The server's secret; the lists `revoked` and `blocked` are in its folder [default: `secret` in the folder of a server on this machine]
     #[arg(long, value_name = "FILE")]
     secret: Option<PathBuf>,
     /// The address by which the world reaches this machine, where a router stands between
