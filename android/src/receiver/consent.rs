@@ -92,7 +92,8 @@ fn question(server: &ServerUrl, is_member: bool) -> Notice {
         lines.extend(first_run::wrapped(paragraph));
     }
     let address = server.to_string();
-    if address.rsplit("://").next() != Some(host) {
+    let rest = address.split_once("://").map(|(_, rest)| rest);
+    if rest != Some(host) {
         lines.push(String::new());
         let address = format!("The whole address: {address}");
         lines.extend(first_run::wrapped(&shortened(&address)));

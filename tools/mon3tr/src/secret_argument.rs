@@ -298,19 +298,6 @@ mod tests {
         assert_eq!(found, [8..11, 20..23, 35..38]);
     }
 
-    #[cfg(target_os = "linux")]
-    #[test]
-    fn a_secret_is_overwritten_in_the_command_line_of_this_process() {
-        // The name of this test, which the test program was started with, or an argument of its own: any that is there.
-        let argument = std::env::args().nth(1);
-        let Some(argument) = argument.filter(|it| it.len() >= SHORTEST && !it.contains('-')) else {
-            return;
-        };
-        overwrite(&[&argument]).expect("overwritten");
-        let line = std::fs::read_to_string("/proc/self/cmdline").expect("readable");
-        assert!(line.split('\0').all(|it| it != argument), "{line:?}");
-    }
-
     #[test]
     fn a_secret_is_read_from_a_file_that_others_cannot_read() {
         let folder = tempfile::tempdir().expect("a folder");

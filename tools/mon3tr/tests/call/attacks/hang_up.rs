@@ -399,7 +399,6 @@ fn a_command_whose_output_finds_no_room_fails() {
         println!("skipped: there is no /dev/full");
         return;
     };
-    // `Outcome` reads standard output, so the shell redirects it.
     let mut command = command(&["licences"]);
     let output = command
         .stdout(full)
