@@ -491,6 +491,11 @@ impl Roster<'_> {
                 if person.is_introduced {
                     (self.tell)(&format!("{} has left", person.name));
                 }
+                // Once: the seat is tried again, ever more rarely.
+                let is_first = !troubles.contains_key(seat);
+                if let Some(why) = person.watch.failure().filter(|_| is_first) {
+                    (self.tell)(&format!("{} is not shown: {why}", person.name));
+                }
                 let watch = &person.watch;
                 self.members
                     .lock()

@@ -223,7 +223,10 @@ impl Call {
                 self.end = Some(CallEnd::HungUp);
                 self.hung_up = self.clock.now();
             }
-            CallEvent::Failed(error) => self.end = Some(CallEnd::Failed(error)),
+            CallEvent::Failed(error) => {
+                self.watch.fail(&error);
+                self.end = Some(CallEnd::Failed(error));
+            }
         }
     }
 

@@ -1,6 +1,7 @@
 //! What a call counts and tells, for who shows it meanwhile, and the way to leave it: the call itself belongs to a lane then.
 
 use identity::PublicKey;
+use link_call::CallError;
 use link_protocol::PersonName;
 use link_protocol::data_channel::PersonState;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
@@ -31,6 +32,8 @@ struct Counts {
     hidden: AtomicBool,
     leaves: AtomicBool,
     is_over: AtomicBool,
+    /// Why the call failed.
+    failure: OnceLock<String>,
     /// Who it is: the key, and the name that was signed with it.
     sender: OnceLock<(Option<PublicKey>, Option<PersonName>)>,
 }
@@ -78,6 +81,12 @@ impl CallWatch {
         self.0.is_over.load(Relaxed) || self.is_left()
     }
 
+    /// Why the call failed, if it has; nothing where it ended otherwise.
+    #[must_use]
+    pub fn failure(&self) -> Option<&str> {
+        self.0.failure.get().map(String::as_str)
+    }
+
     /// Whether both read the same call.
     #[must_use]
     pub fn is_same(&self, other: &Self) -> bool {
@@ -90,6 +99,10 @@ impl CallWatch {
 
     pub(crate) fn know(&self, sender: Option<PublicKey>, person: Option<PersonName>) {
         self.0.sender.get_or_init(|| (sender, person));
+    }
+
+    pub(crate) fn fail(&self, why: &CallError) {
+        self.0.failure.get_or_init(|| why.to_string());
     }
 
     pub(crate) fn end(&self) {
