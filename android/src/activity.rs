@@ -72,7 +72,8 @@ fn android_main(app: AndroidApp) {
     }
 }
 
-/// Ignores SIGPIPE, which ends a process that writes to a connection that the other side has closed. Rust's runtime does so in programs, and not in a library.
+/// Ignores SIGPIPE, which ends a process that writes to a connection that the other side has closed. Rust's runtime
+/// does so in programs, and not in a library.
 fn outlive_closed_connections() {
     // SAFETY: SIG_IGN is no function, and no handler of this library is replaced.
     unsafe { libc::signal(libc::SIGPIPE, libc::SIG_IGN) };

@@ -73,7 +73,8 @@ fn ask(task: &TaskContext<'_>, server: &ServerUrl, is_member: bool) -> anyhow::R
     Ok(board.is_answered())
 }
 
-/// What the wearer reads: where the link leads, how to go there and how not to, and the whole address last. All of it fits, however long the address is.
+/// What the wearer reads: where the link leads, how to go there and how not to, and the whole address last. All of it
+/// fits, however long the address is.
 fn question(server: &ServerUrl, is_member: bool) -> Notice {
     let what = if is_member {
         "A link asks you into a call. Whoever is there will hear you, and see your avatar move as you do."

@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::time::Instant;
 
-/// Viewers that are being connected at once. One more takes the place of the one that has tried longest, of the network with the most of them: offers that come
-/// again and again and never connect keep nobody out.
+/// Viewers that are being connected at once. One more takes the place of the one that has tried longest, of the network
+/// with the most of them: offers that come again and again and never connect keep nobody out.
 pub(crate) const MOST_OPENING: usize = 16;
 
 /// Between two lines about viewers who could not join.

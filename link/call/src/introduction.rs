@@ -11,7 +11,8 @@ use data_encoding::BASE64URL_NOPAD;
 use identity::{Identity, IdentityError, Keyring, Permit, PublicKey, Purpose, Signature};
 use link_protocol::{Guest, GuestPass, Name, PackageId, PersonName, Refusal, RoomLink};
 
-/// How the lines begin: the MAC; `KEY SIGNATURE`; a permit as its text has it; and `NAME SIGNATURE`, the name in base64url.
+/// How the lines begin: the MAC; `KEY SIGNATURE`; a permit as its text has it; and `NAME SIGNATURE`, the name in
+/// base64url.
 const LINK_LINE: &str = "a=mon3tr-link:";
 const KEY_LINE: &str = "a=mon3tr-key:";
 const PERMIT_LINE: &str = "a=mon3tr-permit:";
@@ -289,7 +290,8 @@ impl Authentication {
     }
 }
 
-/// Takes the viewer who made `offer` and has the room's link. Who it is, as far as it says so, and its offer as it was read.
+/// Takes the viewer who made `offer` and has the room's link. Who it is, as far as it says so, and its offer as it was
+/// read.
 pub(crate) fn check_viewer(
     own: Option<&Credentials>,
     room: &RoomLink,

@@ -1,5 +1,5 @@
-//! Which keys sit in a call: each member shows its key to the other members by way of the server, with a signature and a proof that it has the call's link. So the
-//! server can put no key of its own among them.
+//! Which keys sit in a call: each member shows its key to the other members by way of the server, with a signature and
+//! a proof that it has the call's link. So the server can put no key of its own among them.
 
 use crate::introduction::{self, Authentication};
 use crate::{CallError, Credentials};

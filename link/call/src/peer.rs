@@ -1,5 +1,5 @@
-//! One WebRTC connection with its two data channels and the voice's track. This file, `nudge.rs`, `screening/` and `voice_track.rs` alone
-//! use the `webrtc` crate.
+//! One WebRTC connection with its two data channels and the voice's track. This file, `nudge.rs`, `screening/` and
+//! `voice_track.rs` alone use the `webrtc` crate.
 
 use crate::nudge::Nudge;
 use crate::path::{CandidateKind, Path, PathEnd};
@@ -34,7 +34,8 @@ use webrtc::peer_connection::{
 /// newest on a slow network.
 const SEND_BUFFER: usize = 4_000;
 
-/// Bytes of messages that came in pieces or out of order and wait for the rest: eight times what the other side may have on its way.
+/// Bytes of messages that came in pieces or out of order and wait for the rest: eight times what the other side may
+/// have on its way.
 const RECEIVE_BUFFER: u32 = 32 << 10;
 
 /// Messages that may wait to be read, and packets of voice beside them; more are dropped. A flood of one does not touch the other.
@@ -306,8 +307,8 @@ impl Peer {
         Ok(description.ok_or(CallError::NoDescription)?.sdp)
     }
 
-    /// Whether the other side of the connection has the certificate that it signed. The library compares one of its fingerprints by itself; this does not
-    /// depend on how the library read the description.
+    /// Whether the other side of the connection has the certificate that it signed. The library compares one of its
+    /// fingerprints by itself; this does not depend on how the library read the description.
     async fn check_certificate(&self) -> Result<(), CallError> {
         let transport = self.connection.sctp().await;
         let transport = transport.ok_or(CallError::NotConnected)?.transport();

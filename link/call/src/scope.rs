@@ -1,5 +1,5 @@
-//! To which addresses a server may have this side send: the STUN and TURN servers that it names are its word alone. A server on the internet must not have its
-//! clients look through their own machines and networks.
+//! To which addresses a server may have this side send: the STUN and TURN servers that it names are its word alone. A
+//! server on the internet must not have its clients look through their own machines and networks.
 
 use link_protocol::room_link::ServerUrl;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};

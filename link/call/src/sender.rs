@@ -215,8 +215,8 @@ impl Sender {
         ))
     }
 
-    /// As [`Self::enter`], in the first free seat of `call`. Whoever loses it in an outage takes another one. Viewers are taken alone whose keys sit in the call, as
-    /// `door` is told by [`Door::seat_members`].
+    /// As [`Self::enter`], in the first free seat of `call`. Whoever loses it in an outage takes another one. Viewers
+    /// are taken alone whose keys sit in the call, as `door` is told by [`Door::seat_members`].
     ///
     /// # Errors
     /// [`CallError::Full`], or as [`Self::enter`].

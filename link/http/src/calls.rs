@@ -13,7 +13,8 @@ use link_protocol::room_link::ServerUrl;
 use link_protocol::{CallLink, Name, RoomLink};
 
 impl Client {
-    /// Opens a call. Without a `lifetime` the server chooses one. One network address may take `seats_per_address` seats of it, three where nothing is said.
+    /// Opens a call. Without a `lifetime` the server chooses one. One network address may take `seats_per_address`
+    /// seats of it, three where nothing is said.
     ///
     /// # Errors
     /// [`HttpError::Unauthorized`] if this is no owner's token of that server, [`HttpError::NotFound`] of a server that is too old, and those of any
@@ -63,7 +64,8 @@ impl Client {
         Ok(status)
     }
 
-    /// Leaves a seat on purpose: the server frees it as soon as the presence of `occupant` there ends. A server that is too old frees it so in any case.
+    /// Leaves a seat on purpose: the server frees it as soon as the presence of `occupant` there ends. A server that is
+    /// too old frees it so in any case.
     ///
     /// # Errors
     /// Those of any request.

@@ -72,7 +72,8 @@ impl Client {
     ///
     /// # Errors
     /// [`HttpError::NotFound`], [`HttpError::Unauthorized`], [`HttpError::WrongSize`], [`HttpError::Damaged`],
-    /// [`HttpError::GaveUp`], [`HttpError::TooSlow`], [`HttpError::DiskFull`], [`HttpError::Cache`], and those of any request.
+    /// [`HttpError::GaveUp`], [`HttpError::TooSlow`], [`HttpError::DiskFull`], [`HttpError::Cache`], and those of any
+    /// request.
     pub async fn fetch_package(
         &self,
         link: &RoomLink,

@@ -3,14 +3,15 @@
 use std::time::Duration;
 use tokio::time::Instant;
 
-/// Bytes a second that a download brings at least, in each window of it and as a whole: a quarter of a line of 64 kbit/s, since the call's motion and voice may take
-/// the rest.
+/// Bytes a second that a download brings at least, in each window of it and as a whole: a quarter of a line of 64
+/// kbit/s, since the call's motion and voice may take the rest.
 const LEAST_PER_SECOND: u64 = 2 << 10;
 
 /// What a whole download may take besides: for pauses before retries and a server's restart.
 const SLACK: Duration = Duration::from_secs(600);
 
-/// The longest that a download of so many bytes may take, retries included: of the demo person's 17 MB two hours and a half.
+/// The longest that a download of so many bytes may take, retries included: of the demo person's 17 MB two hours and a
+/// half.
 pub(crate) fn longest(bytes: u64) -> Duration {
     SLACK + Duration::from_secs(bytes / LEAST_PER_SECOND)
 }

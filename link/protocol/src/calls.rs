@@ -11,13 +11,14 @@ pub struct OpenCall {
     /// How long the members' token is valid, seconds; the server's choice where nothing is said.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lifetime_s: Option<u64>,
-    /// How many seats one network address may take, 1 to [`MAX_PEOPLE`](crate::limits::MAX_PEOPLE); [`SEATS_PER_ADDRESS`](crate::limits::SEATS_PER_ADDRESS)
-    /// where nothing is said.
+    /// How many seats one network address may take, 1 to [`MAX_PEOPLE`](crate::limits::MAX_PEOPLE);
+    /// [`SEATS_PER_ADDRESS`](crate::limits::SEATS_PER_ADDRESS) where nothing is said.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seats_per_address: Option<u8>,
 }
 
-/// What a member shows the other members by way of the server: that it has the call's link, and its key with a signature. The server passes it on unread.
+/// What a member shows the other members by way of the server: that it has the call's link, and its key with a
+/// signature. The server passes it on unread.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct MemberProof(String);
@@ -86,7 +87,8 @@ pub struct Seat {
     /// Who is there; nothing where it is free.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub taken: Option<Taken>,
-    /// Whether the seat is kept for its occupant, whose presence stream has broken a short time ago. No other member can take it.
+    /// Whether the seat is kept for its occupant, whose presence stream has broken a short time ago. No other member
+    /// can take it.
     #[serde(default, skip_serializing_if = "is_false")]
     pub kept: bool,
 }

@@ -20,7 +20,8 @@ impl PersonName {
         &self.0
     }
 
-    /// Whether the two look alike: in small or capital letters, by letters of other scripts, or by signs that leave no trace (UTS #39, section 4).
+    /// Whether the two look alike: in small or capital letters, by letters of other scripts, or by signs that leave no
+    /// trace (UTS #39, section 4).
     #[must_use]
     pub fn looks_like(&self, other: &Self) -> bool {
         let [mine, theirs] = [self.as_seen(), other.as_seen()];
@@ -29,8 +30,8 @@ impl PersonName {
             .any(|(mine, theirs)| mine == theirs)
     }
 
-    /// The skeletons of the name as it is and of the name in small letters, both in small letters then: a capital I looks like a small L, and a capital
-    /// letter means what the small one does.
+    /// The skeletons of the name as it is and of the name in small letters, both in small letters then: a capital I
+    /// looks like a small L, and a capital letter means what the small one does.
     #[must_use]
     pub fn as_seen(&self) -> [String; 2] {
         let seen = self.0.chars().filter(|c| *c == ' ' || !is_invisible(*c));

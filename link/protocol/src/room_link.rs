@@ -24,7 +24,8 @@ pub struct ServerUrl {
 }
 
 impl ServerUrl {
-    /// The host and, where the address has one, the port: `HOST[:PORT]`. Letters of other scripts than Latin are in it as `xn--` and ASCII.
+    /// The host and, where the address has one, the port: `HOST[:PORT]`. Letters of other scripts than Latin are in it
+    /// as `xn--` and ASCII.
     #[must_use]
     pub fn authority(&self) -> &str {
         let (_, rest) = self.base.split_once("://").unwrap_or_default();

@@ -97,7 +97,8 @@ pub(crate) fn note_trouble(troubles: &mut HashMap<Name, Trouble>, seat: &Name, n
     troubles.insert(seat.clone(), trouble);
 }
 
-/// What a person in the seat of this number is called: as they signed, unless that looks like what one of the `others` is called, or may be called.
+/// What a person in the seat of this number is called: as they signed, unless that looks like what one of the `others`
+/// is called, or may be called.
 pub(crate) fn called<'a>(
     signed: Option<&PersonName>,
     number: usize,

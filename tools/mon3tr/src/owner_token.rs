@@ -20,7 +20,8 @@ pub(crate) fn server_folder(data: Option<&Path>) -> anyhow::Result<PathBuf> {
 /// The option of commands that open rooms.
 #[derive(Debug, Clone, clap::Args)]
 pub struct OwnerToken {
-    /// The owner's token, which is in the file that `serve` names: @FILE reads it there, - from standard input [default: that of a server on this machine]
+    /// The owner's token, which is in the file that `serve` names: @FILE reads it there, - from standard input
+    /// [default: that of a server on this machine]
     #[arg(
         long = "owner-token",
         value_name = "@FILE|-|TOKEN",
@@ -43,7 +44,8 @@ impl OwnerToken {
     /// The token for `server`.
     ///
     /// # Errors
-    /// If it was not given, and the server is not on this machine; if its file cannot be read, or other users can read it.
+    /// If it was not given, and the server is not on this machine; if its file cannot be read, or other users can read
+    /// it.
     pub fn of(&self, server: &ServerUrl) -> anyhow::Result<String> {
         if let Some(token) = self.given()? {
             return Ok(token);

@@ -19,7 +19,8 @@ pub struct SharedOptions {
 
 /// Reads the command line and starts to log as `shared` of it says. To be called first in `main`, before there is another thread.
 ///
-/// SIGPIPE stays ignored, as Rust's runtime has it: where it ended a program, whoever closes a connection while the program writes to it would.
+/// SIGPIPE stays ignored, as Rust's runtime has it: where it ended a program, whoever closes a connection while the
+/// program writes to it would.
 pub fn start<A: Parser>(shared: impl FnOnce(&A) -> &SharedOptions) -> A {
     leave_no_core();
     let matches = A::command().try_get_matches();

@@ -1,5 +1,5 @@
-//! Links and tokens on the command line, kept from other users of the machine: they may be given by standard input or a file, those that were typed are
-//! overwritten where the system lists them, and no error repeats one.
+//! Links and tokens on the command line, kept from other users of the machine: they may be given by standard input or a
+//! file, those that were typed are overwritten where the system lists them, and no error repeats one.
 
 use crate::terminal::is_unprintable;
 use crate::typed::read_line;
@@ -14,7 +14,8 @@ use std::io::{IsTerminal, Read};
 use std::path::Path;
 use std::str::FromStr;
 
-/// Characters that a piece of an argument has at least to be taken for a token: the shortest token has more, few other arguments have as many without a slash.
+/// Characters that a piece of an argument has at least to be taken for a token: the shortest token has more, few other
+/// arguments have as many without a slash.
 const TOKEN: usize = 48;
 
 /// Characters of a secret at least: what is shorter, such as the 1 of `#1`, is no secret and may be part of any word.
@@ -23,8 +24,8 @@ const SHORTEST: usize = 4;
 /// What an error has in the place of a secret.
 const HIDDEN: &str = "[not repeated]";
 
-/// A link or a token: itself, `-` for a line of standard input, or `@FILE` for the first line of a file. The command line's parser takes any text for one, for it
-/// repeats what it refuses.
+/// A link or a token: itself, `-` for a line of standard input, or `@FILE` for the first line of a file. The command
+/// line's parser takes any text for one, for it repeats what it refuses.
 #[derive(Clone)]
 pub struct SecretArgument(String);
 
@@ -98,7 +99,8 @@ pub(crate) fn from_file(file: &Path) -> anyhow::Result<String> {
     Ok(first.trim().to_owned())
 }
 
-/// Overwrites, in the command line that every user of the machine can read, all secrets that were typed there. The arguments of `matches` are copies.
+/// Overwrites, in the command line that every user of the machine can read, all secrets that were typed there. The
+/// arguments of `matches` are copies.
 pub(crate) fn hide(matches: &ArgMatches) {
     let mut typed = Vec::new();
     let mut at = Some(matches);
@@ -121,12 +123,14 @@ pub(crate) fn hide(matches: &ArgMatches) {
     }
 }
 
-/// Overwrites the arguments that are one of `secrets`, or end with `=` and one, where `/proc/PID/cmdline` has them: in this process's own memory.
+/// Overwrites the arguments that are one of `secrets`, or end with `=` and one, where `/proc/PID/cmdline` has them: in
+/// this process's own memory.
 #[cfg(target_os = "linux")]
 fn overwrite(secrets: &[&str]) -> std::io::Result<()> {
     use std::os::unix::fs::FileExt;
     let stat = std::fs::read("/proc/self/stat")?;
-    // proc_pid_stat(5): fields 48 and 49 are arg_start and arg_end. The second one, the program's name in brackets, may have blanks.
+    // proc_pid_stat(5): fields 48 and 49 are arg_start and arg_end. The second one, the program's name in brackets, may
+    // have blanks.
     let stat = String::from_utf8_lossy(&stat);
     let fields = stat.rsplit_once(')').map_or("", |(_, fields)| fields);
     let mut bounds = fields.split_whitespace().skip(45).map(str::parse::<u64>);
@@ -160,7 +164,8 @@ fn places(arguments: &[u8], secrets: &[&str]) -> Vec<std::ops::Range<usize>> {
     places
 }
 
-/// What to print where the command line is refused, and the parser's own text may repeat a secret or steer the terminal; nothing if it does neither.
+/// What to print where the command line is refused, and the parser's own text may repeat a secret or steer the
+/// terminal; nothing if it does neither.
 pub(crate) fn refusal(error: &clap::Error, arguments: &[String]) -> Option<String> {
     let text = error.render().to_string();
     let secrets: Vec<&str> = (arguments.iter())
@@ -192,7 +197,8 @@ fn without_values(error: &clap::Error) -> String {
     )
 }
 
-/// The part of an argument that may be secret: of a link what follows the `#`, and all of what has a secret in another place.
+/// The part of an argument that may be secret: of a link what follows the `#`, and all of what has a secret in another
+/// place.
 fn secret_part(argument: &str) -> Option<&str> {
     let value = match argument.split_once('=') {
         Some((_, value)) if argument.starts_with('-') => value,

@@ -1,7 +1,8 @@
 //! Standard output and standard error.
 //!
-//! `print!`, `println!` and `eprintln!` of this crate and of `mon3tr-dev` are these, not the standard library's: a call goes on when the reader of its output
-//! is gone (`mon3tr send | head`), where the standard ones panic, and no name or text of others moves the cursor or changes the terminal.
+//! `print!`, `println!` and `eprintln!` of this crate and of `mon3tr-dev` are these, not the standard library's: a call
+//! goes on when the reader of its output is gone (`mon3tr send | head`), where the standard ones panic, and no name or
+//! text of others moves the cursor or changes the terminal.
 
 use std::fmt::{Arguments, Write as _};
 use std::io::{self, ErrorKind, Write};
@@ -72,7 +73,8 @@ pub(crate) fn failure() -> Option<&'static str> {
     FAILURE.get().map(String::as_str)
 }
 
-/// `text` with control characters, and those that reorder the text around them, escaped as in Rust's strings. Lines and tabs stay.
+/// `text` with control characters, and those that reorder the text around them, escaped as in Rust's strings. Lines and
+/// tabs stay.
 pub(crate) fn printable(text: &str) -> String {
     let mut shown = String::with_capacity(text.len());
     for character in text.chars() {

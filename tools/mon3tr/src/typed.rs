@@ -18,7 +18,8 @@ pub(crate) fn take_lines(input: impl BufRead, longest: usize, mut take: impl FnM
     take(&String::from_utf8_lossy(&line));
 }
 
-/// One line of `input`, without its end and of `longest` bytes and one more at most; nothing where `input` has ended. What follows the line is not read.
+/// One line of `input`, without its end and of `longest` bytes and one more at most; nothing where `input` has ended.
+/// What follows the line is not read.
 ///
 /// # Errors
 /// If it cannot be read, or is no text.

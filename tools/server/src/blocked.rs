@@ -1,5 +1,5 @@
-//! Addresses that an operator has blocked: a file with an address or a prefix (`203.0.113.0/24`, `2001:db8::/32`) in each line, which is looked at every two
-//! seconds. What follows a `#` is the operator's own note.
+//! Addresses that an operator has blocked: a file with an address or a prefix (`203.0.113.0/24`, `2001:db8::/32`) in
+//! each line, which is looked at every two seconds. What follows a `#` is the operator's own note.
 
 use crate::ServerError;
 use crate::reread::{Reread, text_of};

@@ -37,7 +37,8 @@ pub struct Config {
     pub tls: Option<(PathBuf, PathBuf)>,
     /// A file with the names of tokens that hold no longer ([`crate::revoke`]); it need not be there.
     pub revoked: Option<PathBuf>,
-    /// A file with addresses and prefixes (`203.0.113.0/24`), one a line, that are not served; it need not be there, and is read again when it changes.
+    /// A file with addresses and prefixes (`203.0.113.0/24`), one a line, that are not served; it need not be there,
+    /// and is read again when it changes.
     pub blocked: Option<PathBuf>,
     /// Bounds.
     pub limits: Limits,

@@ -101,8 +101,8 @@ impl Ice {
         self.own.as_ref()?.server.upgrade()
     }
 
-    /// What the bearer of a token is told of a room. This server's own relay has the name by which the bearer reached this server, from the request's headers:
-    /// what is told there to a bearer that lies reaches nobody else.
+    /// What the bearer of a token is told of a room. This server's own relay has the name by which the bearer reached
+    /// this server, from the request's headers: what is told there to a bearer that lies reaches nobody else.
     pub(crate) fn servers(&self, headers: &HeaderMap, room: Id, claims: &Claims) -> IceServers {
         let role = match claims.role {
             Role::Sender => relay::Role::Sender,

@@ -34,7 +34,8 @@ pub(crate) type Written = Option<(SystemTime, u64)>;
 pub(crate) struct Looks {
     /// The file that was read.
     pub(crate) read: Written,
-    /// The last one that could not be, and why: it is logged once, but tried at each look, for the cause may be gone without a change of the file.
+    /// The last one that could not be, and why: it is logged once, but tried at each look, for the cause may be gone
+    /// without a change of the file.
     pub(crate) failed: Option<(Written, String)>,
 }
 
@@ -73,7 +74,8 @@ impl<T: Default + PartialEq> Reread<T> {
         self.says.subscribe()
     }
 
-    /// Reads the file again if it has changed; whether it says something else now. What it said before holds while it cannot be read.
+    /// Reads the file again if it has changed; whether it says something else now. What it said before holds while it
+    /// cannot be read.
     pub(crate) fn look(&self) -> bool {
         let Some(file) = &self.file else {
             return false;

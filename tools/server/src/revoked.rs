@@ -11,8 +11,9 @@ use std::path::{Path, PathBuf};
 /// Bytes of a line: a name in hexadecimal digits and the line's end.
 const LINE: usize = 33;
 
-/// Empty lines at the file's end, into which names are written without a need for more space: a token can be revoked while the disk is full, 496 of them. On
-/// file systems that write no block in place (Btrfs, ZFS) that takes a little space all the same.
+/// Empty lines at the file's end, into which names are written without a need for more space: a token can be revoked
+/// while the disk is full, 496 of them. On file systems that write no block in place (Btrfs, ZFS) that takes a little
+/// space all the same.
 const RESERVE: usize = 496 * LINE;
 
 /// Adds the token called `name` to the file `path`, which is made if there is none: of this user alone.
@@ -40,7 +41,8 @@ pub fn revoke(path: &Path, name: Id) -> Result<(), ServerError> {
     Ok(())
 }
 
-/// The file, open for reading and writing, and this program's alone until it is dropped: two programs that revoke at once would write over each other.
+/// The file, open for reading and writing, and this program's alone until it is dropped: two programs that revoke at
+/// once would write over each other.
 fn open_locked(path: &Path) -> std::io::Result<fs::File> {
     let mut options = fs::OpenOptions::new();
     options.read(true).write(true).create(true);
@@ -108,7 +110,8 @@ impl Revoked {
         let _ = names.wait_for(is_revoked).await;
     }
 
-    /// Reads the file again if it has changed; whether it has other names now. What was revoked stays so while the file cannot be read.
+    /// Reads the file again if it has changed; whether it has other names now. What was revoked stays so while the file
+    /// cannot be read.
     pub(crate) fn look(&self) -> bool {
         let has_changed = self.0.look();
         if has_changed {

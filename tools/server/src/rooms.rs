@@ -290,8 +290,8 @@ impl Rooms {
         }
     }
 
-    /// Lets a sender in, in a call into one of its `seats`. The room's sender before is replaced, unless it sits there as another occupant, or the seat is kept for
-    /// another one.
+    /// Lets a sender in, in a call into one of its `seats`. The room's sender before is replaced, unless it sits there
+    /// as another occupant, or the seat is kept for another one.
     pub(crate) fn enter(
         self: &Arc<Self>,
         room: Id,

@@ -1,5 +1,5 @@
-//! The server's secret: it authenticates tokens. Instances behind one balancer share one. While it is being replaced, the one before authenticates those that it
-//! has signed.
+//! The server's secret: it authenticates tokens. Instances behind one balancer share one. While it is being replaced,
+//! the one before authenticates those that it has signed.
 
 use crate::ServerError;
 use crate::id::{from_hex, random_bytes};

@@ -47,11 +47,13 @@ pub(crate) struct Claims {
     pub(crate) expires: u64,
     /// What the token is called, to revoke it by: random.
     pub(crate) name: Id,
-    /// The names of the owner's token that opened its room or call, and of the sender's token that it was made with; all zero where there is none.
+    /// The names of the owner's token that opened its room or call, and of the sender's token that it was made with;
+    /// all zero where there is none.
     made_with: [Id; 2],
     /// The secret before signed it.
     is_by_previous: bool,
-    /// Of a member: the seats of the call that one network address may have; 0 for as many as a call has where nothing else is said.
+    /// Of a member: the seats of the call that one network address may have; 0 for as many as a call has where nothing
+    /// else is said.
     seats_per_address: u8,
 }
 
@@ -166,8 +168,8 @@ impl Claims {
         Self::signed(token, secret).filter(|claims| now < claims.expires)
     }
 
-    /// The content of `token`, if this secret or the one before signed it. The MAC is compared in a time that does not depend on where it differs, and before
-    /// anything else is looked at.
+    /// The content of `token`, if this secret or the one before signed it. The MAC is compared in a time that does not
+    /// depend on where it differs, and before anything else is looked at.
     fn signed(token: &str, secret: &Secret) -> Option<Self> {
         let mut bytes = [0; DERIVED_CLAIMS_BYTES + MAC_BYTES];
         let length = URL_SAFE_NO_PAD.decode_slice(token, &mut bytes).ok()?;
@@ -217,7 +219,8 @@ fn seat(key: &[u8; 32], call: Id, number: usize) -> Id {
 }
 
 impl Secret {
-    /// What the network of `address` is called in a room or a call: the same for one IPv4 address or one IPv6 /64, and another name in another room.
+    /// What the network of `address` is called in a room or a call: the same for one IPv4 address or one IPv6 /64, and
+    /// another name in another room.
     pub(crate) fn network(&self, room: Id, address: IpAddr) -> Id {
         let mut mac = mac_of(&self.key(false), b"mon3tr network\0");
         mac.update(room.as_bytes());
@@ -245,7 +248,8 @@ impl Secret {
         Claims::signed(token, self).is_some_and(|claims| !claims.is_by_previous)
     }
 
-    /// What `token` is called, to revoke it by, and when it expires (Unix seconds), if this secret or the one before signed it.
+    /// What `token` is called, to revoke it by, and when it expires (Unix seconds), if this secret or the one before
+    /// signed it.
     pub fn look_at_token(&self, token: &str) -> Option<(Id, u64)> {
         Claims::signed(token, self).map(|claims| (claims.name, claims.expires))
     }

@@ -27,8 +27,9 @@ pub struct Relay {
 
 #[cfg(feature = "tls")]
 impl Relay {
-    /// Relays for the holders of credentials of a server with this secret, over TLS, too, where there is a certificate (and its key, PEM files). In `folder`
-    /// the files `revoked` and `blocked` list tokens and addresses that are not served. Ends when it is dropped. To be called in a Tokio runtime.
+    /// Relays for the holders of credentials of a server with this secret, over TLS, too, where there is a certificate
+    /// (and its key, PEM files). In `folder` the files `revoked` and `blocked` list tokens and addresses that are not
+    /// served. Ends when it is dropped. To be called in a Tokio runtime.
     ///
     /// # Errors
     /// If the address, the certificate or a list cannot be used.

@@ -6,7 +6,8 @@ use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Who may use a server, which changes while it runs. It is asked for each packet and each request, so it answers at once.
+/// Who may use a server, which changes while it runs. It is asked for each packet and each request, so it answers at
+/// once.
 pub trait Admission: fmt::Debug + Send + Sync {
     /// Whether credentials of these tokens ([`crate::credentials::Subject::tokens`]) in this room are still honoured.
     fn honours(&self, room: &str, tokens: &str) -> bool;
@@ -78,8 +79,8 @@ pub struct Limits {
     pub allocations_of_sender: usize,
     /// The same, of one token in a room that is not the sender's.
     pub allocations_per_token: usize,
-    /// The same, of one such token and one client address: many viewers may have one link. Four times as many for a member, who is connected with each
-    /// of the others.
+    /// The same, of one such token and one client address: many viewers may have one link. Four times as many for a
+    /// member, who is connected with each of the others.
     pub allocations_per_token_and_address: usize,
     /// The same, of one client address (IPv6: one /56).
     pub allocations_per_address: usize,

@@ -1,5 +1,5 @@
-//! The TCP connections that are open: so many in all, and of one address. Where there are as many as there may be, the address with the most loses its oldest
-//! connection without an allocation to a new one.
+//! The TCP connections that are open: so many in all, and of one address. Where there are as many as there may be, the
+//! address with the most loses its oldest connection without an allocation to a new one.
 
 use crate::config::Limits;
 use crate::table::network_prefix;

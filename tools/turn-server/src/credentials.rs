@@ -1,8 +1,8 @@
 //! Credentials limited in time, by the convention "TURN REST" that browsers and other servers know: the user's name is
 //! `EXPIRY:SUBJECT`, the password is the Base64 of HMAC-SHA1 of that name by a secret. The server stores none of them.
 //!
-//! A subject is a room, or `ROOM:ROLE:TOKENS:OWNER` ([`Subject`]): the room, what the bearer is in it, by which token the bearer got the credentials, and whose
-//! room it is. Allocations are counted by each of these.
+//! A subject is a room, or `ROOM:ROLE:TOKENS:OWNER` ([`Subject`]): the room, what the bearer is in it, by which token
+//! the bearer got the credentials, and whose room it is. Allocations are counted by each of these.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -46,7 +46,8 @@ pub struct Subject<'a> {
     pub room: &'a str,
     /// What the bearer is there.
     pub role: Role,
-    /// The names of the bearer's token and of those that it was made with, with dots between; the first one is the bearer's own.
+    /// The names of the bearer's token and of those that it was made with, with dots between; the first one is the
+    /// bearer's own.
     pub tokens: &'a str,
     /// The room's owner.
     pub owner: &'a str,
@@ -129,7 +130,8 @@ impl Key {
         Self(bytes)
     }
 
-    /// Credentials for `subject` (a room's name, or a [`Subject`]'s text) that allow new allocations until `expires` (Unix seconds).
+    /// Credentials for `subject` (a room's name, or a [`Subject`]'s text) that allow new allocations until `expires`
+    /// (Unix seconds).
     #[must_use]
     pub fn issue(&self, subject: &str, expires: u64) -> Credentials {
         let username = format!("{expires}:{subject}");

@@ -18,7 +18,8 @@ use tokio_util::sync::CancellationToken;
 
 /// Packets that may wait for a TCP client; more are dropped.
 const WAITING: usize = 64;
-/// Bytes of packets that may wait for the server, as far as the system allows: a flood that is dropped at once leaves room for others' packets.
+/// Bytes of packets that may wait for the server, as far as the system allows: a flood that is dropped at once leaves
+/// room for others' packets.
 const RECEIVE_BUFFER: usize = 4 << 20;
 /// How often a listener takes no other connection after an error (no file is free), so that it does not spin.
 const AFTER_ERROR: Duration = Duration::from_millis(100);

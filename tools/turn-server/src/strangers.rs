@@ -1,4 +1,5 @@
-//! How many answers requests without valid credentials get: so many of one address, and so many in all. Such requests may have forged senders.
+//! How many answers requests without valid credentials get: so many of one address, and so many in all. Such requests
+//! may have forged senders.
 
 use crate::budget::Budget;
 use crate::config::Limits;

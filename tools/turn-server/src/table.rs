@@ -186,7 +186,8 @@ where
     }
 }
 
-/// The address that limits count by: an IPv6 address's /56, which providers give to one customer (RIPE-690), with 256 networks (/64) in it.
+/// The address that limits count by: an IPv6 address's /56, which providers give to one customer (RIPE-690), with 256
+/// networks (/64) in it.
 #[must_use]
 pub fn network_prefix(address: IpAddr) -> IpAddr {
     match address.to_canonical() {

@@ -2,8 +2,8 @@
 
 use app_pipeline::profile::Percentiles;
 
-/// Times that are kept: two minutes at 30 Hz. Where there are more, every second is kept, then every fourth, and so on. A call has seven of these for each person,
-/// whose memory becomes resident as it fills.
+/// Times that are kept: two minutes at 30 Hz. Where there are more, every second is kept, then every fourth, and so on.
+/// A call has seven of these for each person, whose memory becomes resident as it fills.
 const KEPT: usize = 1 << 12;
 
 /// Times, in milliseconds, of which percentiles are asked for.

@@ -151,8 +151,8 @@ impl Door {
         }
     }
 
-    /// In a call: the server, which was asked at `asked`, says that members with these keys sit there now. Viewers whose key has sat nowhere for ten seconds
-    /// have to go.
+    /// In a call: the server, which was asked at `asked`, says that members with these keys sit there now. Viewers
+    /// whose key has sat nowhere for ten seconds have to go.
     pub fn seat_members(&self, asked: std::time::Instant, keys: &[PublicKey]) {
         self.0.seated.note(Instant::from_std(asked), keys);
         let state = self.locked();
@@ -164,7 +164,8 @@ impl Door {
         }
     }
 
-    /// Whether a member of a call with this key would be let in now, unasked. This side neither sees nor hears members who would not.
+    /// Whether a member of a call with this key would be let in now, unasked. This side neither sees nor hears members
+    /// who would not.
     #[must_use]
     pub fn lets_in(&self, key: PublicKey) -> bool {
         let visitor = Visitor {
@@ -225,7 +226,8 @@ impl Door {
         }
     }
 
-    /// A viewer from this network is connected. Where all places are taken another one makes room, or this one has to go.
+    /// A viewer from this network is connected. Where all places are taken another one makes room, or this one has to
+    /// go.
     pub(crate) fn enter(&self, visitor: Visitor, network: Option<Name>) -> Stay {
         let leave = watch::Sender::new(None);
         let mut state = self.locked();

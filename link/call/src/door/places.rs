@@ -1,5 +1,5 @@
-//! Which viewer makes room for another where all places are taken: one of the network that has the most, and there of the key that has the most. So whoever has a
-//! link keeps others out only with as many networks as there are places.
+//! Which viewer makes room for another where all places are taken: one of the network that has the most, and there of
+//! the key that has the most. So whoever has a link keeps others out only with as many networks as there are places.
 
 use std::collections::HashMap;
 use std::hash::Hash;
@@ -29,7 +29,8 @@ where
     })
 }
 
-/// The group with the most, if it has so many more than `own` that it has no fewer once it has given one away. Otherwise two would take turns without end.
+/// The group with the most, if it has so many more than `own` that it has no fewer once it has given one away.
+/// Otherwise two would take turns without end.
 fn larger<'a, T: Eq + Hash>(all: impl Iterator<Item = &'a T> + Clone, own: &T) -> Option<&'a T> {
     let here = all.clone().filter(|other| *other == own).count();
     let (largest, count) = most(all)?;

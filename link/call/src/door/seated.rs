@@ -1,4 +1,5 @@
-//! The keys that sit in a call. A member answers the viewers alone whose key is among them, and ends the connections of those whose key is no longer.
+//! The keys that sit in a call. A member answers the viewers alone whose key is among them, and ends the connections of
+//! those whose key is no longer.
 
 use identity::PublicKey;
 use link_protocol::limits::SEAT_KEPT;

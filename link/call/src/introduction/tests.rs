@@ -66,7 +66,8 @@ fn meddled(answer: &str, other_room: &RoomLink, room: &RoomLink) -> Vec<Option<C
     .into()
 }
 
-/// The same with its own certificate beside the genuine one, in the forms that once passed: no answer and no offer of these is taken.
+/// The same with its own certificate beside the genuine one, in the forms that once passed: no answer and no offer of
+/// these is taken.
 #[test]
 fn a_certificate_beside_the_signed_one_is_refused_in_every_form() {
     let evil = fingerprint("CC:03");

@@ -271,7 +271,8 @@ async fn a_side_that_shows_another_certificate_is_found_by_the_library_too() {
     let (mut viewer, offer) = Peer::offer(loopback(), mode).await.expect("an offer");
     let answered = Peer::answer(loopback(), mode, &read(&offer)).await;
     let (mut sender, answer) = answered.expect("an answer");
-    // A server in the middle of the packets alone: descriptions pass as they are, and their certificates are not those of the connection.
+    // A server in the middle of the packets alone: descriptions pass as they are, and their certificates are not those
+    // of the connection.
     let signed = read(&answer)
         .fingerprints()
         .expect("one")

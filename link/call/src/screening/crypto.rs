@@ -1,5 +1,6 @@
-//! Shows a connection's screen the SCTP packets that DTLS carries. The library takes its ciphers from a provider; the ciphers of this one
-//! hand each packet that they seal or open to the screen, and a record that the screen refuses does not open.
+//! Shows a connection's screen the SCTP packets that DTLS carries. The library takes its ciphers from a provider; the
+//! ciphers of this one hand each packet that they seal or open to the screen, and a record that the screen refuses does
+//! not open.
 
 use super::Screening;
 use rtc::crypto::{
@@ -155,7 +156,8 @@ impl AeadCipher for ScreenedCipher {
     }
 }
 
-/// Whether these are the additional data of such a record of DTLS 1.2 (RFC 5246, section 6.2.3.3). Those of SRTP have a multiple of four bytes.
+/// Whether these are the additional data of such a record of DTLS 1.2 (RFC 5246, section 6.2.3.3). Those of SRTP have a
+/// multiple of four bytes.
 fn is_application_data(additional_data: &[u8]) -> bool {
     matches!(additional_data, [.., 23, _, _, _, _] if additional_data.len() == 13)
 }

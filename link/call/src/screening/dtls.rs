@@ -1,9 +1,10 @@
-//! Bounds on the DTLS 1.2 records (RFC 6347) of one connection, for a host without a link as for the other side itself: encrypted records
-//! have their type and epoch in clear.
+//! Bounds on the DTLS 1.2 records (RFC 6347) of one connection, for a host without a link as for the other side itself:
+//! encrypted records have their type and epoch in clear.
 //!
-//! A message of the handshake is repeated 7 times by this library (each second), 5 times in 2 s and 10 times in a minute by browsers (first
-//! after 50 ms, then after twice as long), 6 times in a minute by OpenSSL. It is one fragment, but for a certificate of RSA, which is four at
-//! most. So an honest side has sent 40 fragments of a message when it gives up, and some 30 KB in all.
+//! A message of the handshake is repeated 7 times by this library (each second), 5 times in 2 s and 10 times in a
+//! minute by browsers (first after 50 ms, then after twice as long), 6 times in a minute by OpenSSL. It is one
+//! fragment, but for a certificate of RSA, which is four at most. So an honest side has sent 40 fragments of a message
+//! when it gives up, and some 30 KB in all.
 
 /// Messages of a handshake: their numbers begin at 0, and the longest handshake has 8.
 const MESSAGES: usize = 16;
@@ -14,7 +15,8 @@ const HANDSHAKE_BYTES: usize = 256 << 10;
 /// Encrypted records of handshake: one, and its repetitions. It has 24 bytes, and 24 more of nonce and tag.
 const SEALED: u8 = 64;
 const SEALED_BYTES: usize = 256;
-/// Records that the library keeps for later until the handshake ends: those of the next epoch, and changes of the cipher.
+/// Records that the library keeps for later until the handshake ends: those of the next epoch, and changes of the
+/// cipher.
 const EARLY: u8 = 64;
 const EARLY_BYTES: usize = 64 << 10;
 
@@ -96,8 +98,8 @@ impl Records {
         self.early_bytes <= EARLY_BYTES && counts(&mut self.early, EARLY)
     }
 
-    /// Handshake in clear: whole messages, and at its end perhaps a fragment of one. A fragment before the end the library would join with
-    /// what follows it.
+    /// Handshake in clear: whole messages, and at its end perhaps a fragment of one. A fragment before the end the
+    /// library would join with what follows it.
     fn admits_handshake(&mut self, body: &[u8]) -> bool {
         if self.handshake_bytes + body.len() > HANDSHAKE_BYTES {
             return false;

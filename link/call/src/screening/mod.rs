@@ -1,10 +1,11 @@
 //! Screens the datagrams of a connection before the WebRTC library reads them.
 //!
-//! The library (0.21.1, the newest version) hands on DTLS and RTP of every source once a pair of candidates is selected, follows handshake
-//! fragments by recursion, keeps empty ones and records of the next epoch without a bound, and keeps a state for each SSRC before it has
-//! authenticated the packet; and it keeps what a link's holder opens on SCTP. So a host without a link ended a program by 290 KB of DTLS. The
-//! library takes its sockets from a [`Runtime`] and its ciphers from a provider: those here screen what they hand on, in a few hundred
-//! lines, where corrected copies of `rtc`, `rtc-dtls`, `rtc-sctp` and `rtc-srtp` would be 100,000 that have to follow each version.
+//! The library (0.21.1, the newest version) hands on DTLS and RTP of every source once a pair of candidates is
+//! selected, follows handshake fragments by recursion, keeps empty ones and records of the next epoch without a bound,
+//! and keeps a state for each SSRC before it has authenticated the packet; and it keeps what a link's holder opens on
+//! SCTP. So a host without a link ended a program by 290 KB of DTLS. The library takes its sockets from a [`Runtime`]
+//! and its ciphers from a provider: those here screen what they hand on, in a few hundred lines, where corrected copies
+//! of `rtc`, `rtc-dtls`, `rtc-sctp` and `rtc-srtp` would be 100,000 that have to follow each version.
 //!
 //! The rules are in [`screen`] and [`sctp`]; `docs/security.md` names what they do not cover.
 
@@ -232,8 +233,8 @@ impl AsyncUdpSocket for ScreenedSocket {
     }
 }
 
-/// Keeps those datagrams of a buffer that `keep` admits. The kernel may have joined several of one source: each of `stride` bytes, but for
-/// the last one, which may be shorter, so those that are kept have the same form.
+/// Keeps those datagrams of a buffer that `keep` admits. The kernel may have joined several of one source: each of
+/// `stride` bytes, but for the last one, which may be shorter, so those that are kept have the same form.
 fn retain(buffer: &mut [u8], meta: &mut RecvMeta, mut keep: impl FnMut(&[u8]) -> bool) {
     let (length, stride) = (meta.len.min(buffer.len()), meta.stride.max(1));
     let (mut start, mut kept) = (0, 0);

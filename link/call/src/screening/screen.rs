@@ -4,7 +4,7 @@
 //!   passes while fewer than [`MOST`] have: each becomes a candidate, to which this side sends.
 //! - Of TURN, data passes only from a server at which this side asks for an allocation, and is then screened as the peer's.
 //! - DTLS, RTP and RTCP pass only from the other side: from where this side has sent DTLS or RTP, as the library does only to the remote
-//!   address of the selected pair, or has answered a STUN request, as the library does only if it has the right password.
+//! address of the selected pair, or has answered a STUN request, as the library does only if it has the right password.
 //! - DTLS is bounded as [`super::dtls`] says, and SSRCs in number.
 //! - Everything else is dropped.
 
@@ -13,10 +13,12 @@ use super::sctp::Association;
 use super::stun::{self, Kind};
 use std::net::SocketAddr;
 
-/// Addresses of one kind that a connection remembers. A side has 16 candidates at most, and few new addresses in a call.
+/// Addresses of one kind that a connection remembers. A side has 16 candidates at most, and few new addresses in a
+/// call.
 const MOST: usize = 64;
 
-/// SSRCs of RTP, and of RTCP. A voice has one, and its receiver's reports have one; either changes only after a collision.
+/// SSRCs of RTP, and of RTCP. A voice has one, and its receiver's reports have one; either changes only after a
+/// collision.
 const SSRCS: usize = 16;
 
 /// First bytes of DTLS, of TURN's channels, and of RTP and RTCP (RFC 7983); DTLS has no other types of records.

@@ -1,7 +1,8 @@
 //! Bounds on the SCTP packets (RFC 9260) that DTLS carries, for the other side itself.
 //!
-//! Both channels of a call are negotiated, so nothing else is opened on a connection. The library would keep a channel, or at least a
-//! stream, for each number that the other side names, an association for each that it begins, and every chunk after a missing one.
+//! Both channels of a call are negotiated, so nothing else is opened on a connection. The library would keep a channel,
+//! or at least a stream, for each number that the other side names, an association for each that it begins, and every
+//! chunk after a missing one.
 
 use link_protocol::data_channel::{FEEDBACK_CHANNEL, MOTION_CHANNEL};
 

@@ -1,4 +1,5 @@
-//! What the screen reads of STUN and TURN messages (RFC 8489 and RFC 8656). Whether a message is genuine, the library decides.
+//! What the screen reads of STUN and TURN messages (RFC 8489 and RFC 8656). Whether a message is genuine, the library
+//! decides.
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 

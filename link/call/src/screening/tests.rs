@@ -275,7 +275,8 @@ fn a_message_has_64_fragments_at_most_in_any_order_and_with_any_overlap() {
 #[test]
 fn many_fragments_of_one_record_are_many() {
     let mut screen = connected();
-    // As a parser that follows the lengths of messages reads them: 110 fragments without a byte, one pointing to the next.
+    // As a parser that follows the lengths of messages reads them: 110 fragments without a byte, one pointing to the
+    // next.
     let heads: Vec<u8> = (1..=110u32)
         .flat_map(|offset| {
             let mut head = fragment(6, 0, offset, 0);

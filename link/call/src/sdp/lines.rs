@@ -1,9 +1,12 @@
-//! The lines of a description, by the strict half of RFC 8866: a small letter, `=`, and a value that begins with a visible character.
+//! The lines of a description, by the strict half of RFC 8866: a small letter, `=`, and a value that begins with a
+//! visible character.
 //!
-//! The WebRTC library's reader is lenient: it skips any line ends before a line and any blanks around a value, those of Unicode included. A line that
-//! only one of two readers understands is how a certificate or an address would pass unchecked, so such lines are errors here.
+//! The WebRTC library's reader is lenient: it skips any line ends before a line and any blanks around a value, those of
+//! Unicode included. A line that only one of two readers understands is how a certificate or an address would pass
+//! unchecked, so such lines are errors here.
 
-/// Bytes of a description, as the server bounds them too; lines of it, and bytes of one. Chromium's offer with audio and video has some 250 lines.
+/// Bytes of a description, as the server bounds them too; lines of it, and bytes of one. Chromium's offer with audio
+/// and video has some 250 lines.
 const MAX_BYTES: usize = 64 << 10;
 const MAX_LINES: usize = 512;
 const MAX_LINE_BYTES: usize = 1024;

@@ -1,7 +1,8 @@
 //! Offers and answers (SDP, RFC 8866), read once and strictly into what a connection needs of them.
 //!
-//! What the WebRTC library gets is written from what was read and checked, and from nothing else: so the library sees the certificate that was signed and
-//! the addresses that were screened, whatever its own reader takes for a line. Attributes that a connection does not need are passed over.
+//! What the WebRTC library gets is written from what was read and checked, and from nothing else: so the library sees
+//! the certificate that was signed and the addresses that were screened, whatever its own reader takes for a line.
+//! Attributes that a connection does not need are passed over.
 
 mod candidate;
 mod fingerprints;
@@ -122,7 +123,8 @@ impl Description {
         }
     }
 
-    /// Takes an attribute that may be of the session or of a section, and is the same for the whole connection; whether it is one.
+    /// Takes an attribute that may be of the session or of a section, and is the same for the whole connection; whether
+    /// it is one.
     fn take_of_connection(
         &mut self,
         line: Line<'_>,

@@ -115,7 +115,8 @@ fn offers_of_browsers_are_read_as_the_library_reads_what_is_written_of_them() {
     }
 }
 
-/// What a server in the middle puts before the genuine line, with a blank, a tab, a line end, a control character or one of Unicode's blanks at each place.
+/// What a server in the middle puts before the genuine line, with a blank, a tab, a line end, a control character or
+/// one of Unicode's blanks at each place.
 fn hidden(line: &str) -> Vec<String> {
     let (name, value) = line.split_once(':').expect("an attribute");
     let name = name.strip_prefix("a=").expect("an attribute");

@@ -1,5 +1,5 @@
-//! A sender's presence in its room, kept up through outages. Where the stream may be dead another one is opened before it is dropped: the room is never empty
-//! meanwhile, and nobody else takes a seat.
+//! A sender's presence in its room, kept up through outages. Where the stream may be dead another one is opened before
+//! it is dropped: the room is never empty meanwhile, and nobody else takes a seat.
 
 use super::Shared;
 use crate::{Backoff, CallError};
@@ -35,7 +35,8 @@ impl Attendance {
         }
     }
 
-    /// Has the room entered again, as `entering` says: the stream may have begun at an address that is gone, and would be silent for long.
+    /// Has the room entered again, as `entering` says: the stream may have begun at an address that is gone, and would
+    /// be silent for long.
     pub(super) fn renew(&mut self, why: &str, shared: &Shared, entering: &EnterRoom) {
         log::info!("{why}: entering the room again");
         self.backoff.reset();

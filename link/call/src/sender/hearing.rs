@@ -1,5 +1,5 @@
-//! Whether a sender's own way to the network is in doubt because its viewers are silent: its router may have another address now, of which the machine is not told.
-//! One viewer's silence is no reason: it may be made on purpose.
+//! Whether a sender's own way to the network is in doubt because its viewers are silent: its router may have another
+//! address now, of which the machine is not told. One viewer's silence is no reason: it may be made on purpose.
 
 use link_protocol::Name;
 use std::collections::HashSet;
@@ -53,7 +53,8 @@ impl Hearing {
 }
 
 impl All {
-    /// Whether at least half of the viewers are silent, and those of more than one network where there is more than one.
+    /// Whether at least half of the viewers are silent, and those of more than one network where there is more than
+    /// one.
     fn is_in_doubt(&self) -> bool {
         let silent = || self.viewers.iter().filter(|viewer| viewer.is_silent);
         let all: HashSet<_> = self.viewers.iter().map(|it| &it.network).collect();

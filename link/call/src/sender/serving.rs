@@ -29,9 +29,9 @@ const OPEN_TIMEOUT: Duration = Duration::from_secs(10);
 /// A viewer sends feedback at least five times a second; after a silence this long it is dropped.
 const SILENCE_TIMEOUT: Duration = Duration::from_secs(4);
 
-/// A viewer's silence after which this side's own way to the server is doubted, too, if enough others are silent ([`Heard`]): its router may have another address
-/// now, of which this machine is told nothing. The viewer offers a new connection a little later ([`crate::viewer`]), which has to find this side in the
-/// room.
+/// A viewer's silence after which this side's own way to the server is doubted, too, if enough others are silent
+/// ([`Heard`]): its router may have another address now, of which this machine is told nothing. The viewer offers a new
+/// connection a little later ([`crate::viewer`]), which has to find this side in the room.
 const DOUBT: Duration = Duration::from_millis(600);
 
 /// A viewer's offer.
@@ -153,7 +153,8 @@ impl Shared {
     }
 }
 
-/// What the side that offers is answered where it is not taken. Each offer is: one without an answer keeps a place at the server for seconds.
+/// What the side that offers is answered where it is not taken. Each offer is: one without an answer keeps a place at
+/// the server for seconds.
 fn refusal(why: &CallError) -> Refusal {
     match why {
         CallError::HandedOver => Refusal::Full,

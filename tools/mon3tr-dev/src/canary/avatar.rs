@@ -1,5 +1,5 @@
-//! The canary's avatar: a triangle with one Gaussian, the smallest package that a server takes. It is the same in every run, so a server
-//! stores it once.
+//! The canary's avatar: a triangle with one Gaussian, the smallest package that a server takes. It is the same in every
+//! run, so a server stores it once.
 
 use glam::Vec3;
 use spmm3::networks::{

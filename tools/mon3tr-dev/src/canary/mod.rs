@@ -1,4 +1,5 @@
-//! `mon3tr-dev canary`: a call through a running server, by the name under which its users reach it, once or again and again.
+//! `mon3tr-dev canary`: a call through a running server, by the name under which its users reach it, once or again and
+//! again.
 
 mod avatar;
 mod call;

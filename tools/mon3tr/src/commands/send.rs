@@ -54,7 +54,8 @@ pub struct Options {
     pub(crate) person: PersonOptions,
     #[command(flatten)]
     pub(crate) host: HostOptions,
-    /// The sender's link of a room that is open already, as `send` prints it: @FILE reads it from a file, - from standard input
+    /// The sender's link of a room that is open already, as `send` prints it: @FILE reads it from a file, - from
+    /// standard input
     #[arg(long, value_name = "@FILE|-|LINK", conflicts_with = "server")]
     pub(crate) room: Option<SecretArgument>,
     /// Show, in a window, the camera's picture with what is seen in it, and the avatar that follows: mirrored, as one expects of a picture

@@ -102,7 +102,8 @@ impl Gate {
         })
     }
 
-    /// A request of this client has succeeded with a valid token: its connection is not closed in favour of those of strangers.
+    /// A request of this client has succeeded with a valid token: its connection is not closed in favour of those of
+    /// strangers.
     pub(crate) fn trust(&self, client: &SocketAddr) {
         self.inner.open().trust(client);
     }

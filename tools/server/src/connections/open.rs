@@ -1,8 +1,8 @@
 //! Which connections are open, and which one is closed in favour of a new one where there are as many as there may be.
 //!
-//! A connection is *trusted* once a request on it has succeeded with a valid token. A part of the places is kept for trusted connections, and as large a part for
-//! the others. Within each kind the address with the most connections gives one up, the one that has been idle for longest: so whoever opens many closes
-//! its own.
+//! A connection is *trusted* once a request on it has succeeded with a valid token. A part of the places is kept for
+//! trusted connections, and as large a part for the others. Within each kind the address with the most connections
+//! gives one up, the one that has been idle for longest: so whoever opens many closes its own.
 
 use std::collections::HashMap;
 use std::net::{IpAddr, SocketAddr};

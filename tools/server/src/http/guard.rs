@@ -65,7 +65,8 @@ fn client(app: &App, connected: IpAddr, headers: &HeaderMap) -> IpAddr {
         .unwrap_or(connected)
 }
 
-/// Refuses requests of blocked addresses, and such as come too fast: also those by which a browser asks what it may send, which go no further.
+/// Refuses requests of blocked addresses, and such as come too fast: also those by which a browser asks what it may
+/// send, which go no further.
 pub(super) async fn limit_rate(
     State(app): State<Arc<App>>,
     Extension(Client(address)): Extension<Client>,

@@ -1,4 +1,5 @@
-//! Which sessions came about by which tokens, so that they end with these. Forgotten where the server restarts: what is connected then goes on.
+//! Which sessions came about by which tokens, so that they end with these. Forgotten where the server restarts: what is
+//! connected then goes on.
 
 use crate::Id;
 use crate::token::Claims;
@@ -41,7 +42,8 @@ impl Joined {
         });
     }
 
-    /// The sessions of which `is_over` says for the first time that a token of these names holds no longer: their rooms and names.
+    /// The sessions of which `is_over` says for the first time that a token of these names holds no longer: their rooms
+    /// and names.
     pub(super) fn newly_over(
         &self,
         is_over: impl Fn(&mut dyn Iterator<Item = Id>) -> bool,

@@ -1,7 +1,8 @@
 //! How many packages the members of a call may put: what they put takes the place of what others of the owner's calls have put, and costs the server time.
 //!
-//! Everything is counted within the call's owner, so that no owner's calls use up what the members of another owner's calls may put; and uploads that were
-//! begun are counted by address within the call, so that no member uses up those of another.
+//! Everything is counted within the call's owner, so that no owner's calls use up what the members of another owner's
+//! calls may put; and uploads that were begun are counted by address within the call, so that no member uses up those
+//! of another.
 
 use super::HttpError;
 use super::rate_limit::{Pace, retry_after_s};
@@ -16,14 +17,17 @@ use turn_server::network_prefix;
 /// Packages of one call: three for each of eight people, who may come back with another avatar.
 const PER_CALL: u32 = 24;
 
-/// Uploads that one address may begin in one call, whatever becomes of them: what is refused has been received, too. So many at once, and then one a minute.
+/// Uploads that one address may begin in one call, whatever becomes of them: what is refused has been received, too. So
+/// many at once, and then one a minute.
 const TRIES: u32 = 96;
 const TRY: Pace = Pace::new(Duration::from_secs(60), TRIES);
 
-/// Calls of one owner that are counted at once. One more takes the place of the call that ends first: all of them share their owner's quota in any case.
+/// Calls of one owner that are counted at once. One more takes the place of the call that ends first: all of them share
+/// their owner's quota in any case.
 const CALLS_PER_OWNER: usize = 1024;
 
-/// Addresses in calls of one owner whose tries are counted at once. One more takes the place of the one that has the most tries left.
+/// Addresses in calls of one owner whose tries are counted at once. One more takes the place of the one that has the
+/// most tries left.
 const TRIED_PER_OWNER: usize = 4096;
 
 /// The packages that calls' members have put here. Each instance counts its own.

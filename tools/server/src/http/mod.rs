@@ -73,7 +73,8 @@ impl App {
         }
     }
 
-    /// Ends what came about by tokens that are revoked now: relays at once; of viewers' sessions, those that are forwarded to, and by the senders the others.
+    /// Ends what came about by tokens that are revoked now: relays at once; of viewers' sessions, those that are
+    /// forwarded to, and by the senders the others.
     pub(crate) fn end_revoked(self: &Arc<Self>) {
         if let Some(relay) = self.ice.relay() {
             relay.end_refused();

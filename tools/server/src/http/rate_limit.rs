@@ -32,7 +32,8 @@ impl Pace {
         }
     }
 
-    /// Admits a request at `now`, and moves `due`, the time at which the next one would be due; or returns how long to wait.
+    /// Admits a request at `now`, and moves `due`, the time at which the next one would be due; or returns how long to
+    /// wait.
     pub(super) fn take(self, due: &mut Instant, now: Instant) -> Result<(), Duration> {
         *due = (*due).max(now);
         let early = due.duration_since(now);

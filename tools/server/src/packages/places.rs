@@ -1,5 +1,5 @@
-//! Places that owners share, so that none of them keeps the others out: each owner has a queue of its own, and owners take turns. Within an owner the calls
-//! whose members wait take turns in the same way.
+//! Places that owners share, so that none of them keeps the others out: each owner has a queue of its own, and owners
+//! take turns. Within an owner the calls whose members wait take turns in the same way.
 
 use crate::Id;
 use std::collections::{HashMap, VecDeque};
@@ -12,8 +12,8 @@ use tokio_util::sync::CancellationToken;
 pub(super) enum Share {
     /// All that nobody else waits for: for work that ends soon by itself.
     All,
-    /// No more than are left free, so that some always are: for work that lasts as long as its client likes. An owner without a place, for whom none is
-    /// free, gets that of another owner with several ([`Place::is_withdrawn`]).
+    /// No more than are left free, so that some always are: for work that lasts as long as its client likes. An owner
+    /// without a place, for whom none is free, gets that of another owner with several ([`Place::is_withdrawn`]).
     AsManyAsAreLeft,
 }
 
@@ -233,8 +233,8 @@ impl Shared {
 }
 
 impl Owner {
-    /// The call whose turn it is among those that may have one more place, and who waits first in it. Where the owner `may` have none, who has gone away
-    /// is forgotten all the same.
+    /// The call whose turn it is among those that may have one more place, and who waits first in it. Where the owner
+    /// `may` have none, who has gone away is forgotten all the same.
     fn next(&mut self, may: bool, most: usize) -> Option<(Option<Id>, oneshot::Sender<Place>)> {
         let mut given = None;
         for _ in 0..self.turns.len() {

@@ -1,4 +1,5 @@
-//! How much the store may take of its disk: so many bytes of packages in all, and none of those that have to stay free for whatever else the machine keeps.
+//! How much the store may take of its disk: so many bytes of packages in all, and none of those that have to stay free
+//! for whatever else the machine keeps.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};

@@ -24,8 +24,8 @@ use turn_server::network_prefix;
 /// How long an upload may wait to be received: well below what its client takes for a broken connection.
 const RECEIVED_WITHIN: Duration = Duration::from_secs(8);
 
-/// Bytes a second that an upload has to bring on average after its first seconds: an upload of 14 MB that is slower is not received within the default
-/// `upload_within` in any case.
+/// Bytes a second that an upload has to bring on average after its first seconds: an upload of 14 MB that is slower is
+/// not received within the default `upload_within` in any case.
 const SLOWEST: u32 = 8 << 10;
 const SLOW_AT_FIRST: Duration = Duration::from_secs(10);
 
@@ -101,7 +101,8 @@ pub(crate) struct Spooled {
 }
 
 impl Packages {
-    /// Receives an upload of `declared` bytes, if the client declared a length. Of a member, `address` is where it comes from.
+    /// Receives an upload of `declared` bytes, if the client declared a length. Of a member, `address` is where it
+    /// comes from.
     pub(crate) async fn receive<E>(
         &self,
         (shelf, party, address): (Shelf, Party, IpAddr),

@@ -1,5 +1,5 @@
-//! Seats of calls that are kept for their occupants for a while after their presence streams have broken: no other member takes the seat of one whose network
-//! fails for a moment.
+//! Seats of calls that are kept for their occupants for a while after their presence streams have broken: no other
+//! member takes the seat of one whose network fails for a moment.
 
 use super::Occupancy;
 use crate::Id;

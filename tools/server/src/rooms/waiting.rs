@@ -1,5 +1,5 @@
-//! The viewers that wait for a sender's answer. Where all places are taken, the network that has the most of them makes room: offers from one network keep
-//! those of no other network out.
+//! The viewers that wait for a sender's answer. Where all places are taken, the network that has the most of them makes
+//! room: offers from one network keep those of no other network out.
 
 use crate::Id;
 use std::collections::HashMap;
@@ -33,7 +33,8 @@ impl Waiting {
         }
     }
 
-    /// One more, from this network; nothing if no place is free for it. A viewer that makes room sees its channel closed.
+    /// One more, from this network; nothing if no place is free for it. A viewer that makes room sees its channel
+    /// closed.
     pub(super) fn begin(
         &mut self,
         session: Id,
@@ -54,7 +55,8 @@ impl Waiting {
         Some(answered)
     }
 
-    /// The viewer that has waited longest, of the network that has the most; nothing if a viewer of `network` has no better right to the place.
+    /// The viewer that has waited longest, of the network that has the most; nothing if a viewer of `network` has no
+    /// better right to the place.
     fn to_make_room_for(&self, network: Option<Id>) -> Option<Id> {
         let mut counts: HashMap<Option<Id>, usize> = HashMap::new();
         for viewer in self.viewers.values() {

@@ -34,8 +34,8 @@ use std::time::{Duration, Instant};
 /// Options of `call`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
-    /// The link that the first one in was told, the same for everyone: @FILE reads it from a file, - from standard input. Without one, this is the first one in,
-    /// and the link is printed
+    /// The link that the first one in was told, the same for everyone: @FILE reads it from a file, - from standard
+    /// input. Without one, this is the first one in, and the link is printed
     #[arg(value_name = "LINK", conflicts_with = "server")]
     link: Option<SecretArgument>,
     /// What the others read that you are called [default: as in the last call, or your seat's number]
@@ -53,7 +53,8 @@ pub struct Options {
     /// Ask about each other member, who waits until you let them in
     #[arg(long)]
     ask: bool,
-    /// How many people may join a call that is opened now from one network address, which all behind one router share [default: 3]
+    /// How many people may join a call that is opened now from one network address, which all behind one router share
+    /// [default: 3]
     #[arg(long, value_name = "N", conflicts_with = "link", value_parser = clap::value_parser!(u8).range(1..=MAX_PEOPLE as i64))]
     seats_per_address: Option<u8>,
     /// Hang up so many seconds after the first other one is there [default: on q, on Ctrl-C, or when the window is closed]

@@ -19,7 +19,8 @@ use std::time::Instant;
 /// Options of `doctor`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
-    /// The call's link that is to be joined, by which way others will reach this machine: @FILE reads it from a file, - from standard input
+    /// The call's link that is to be joined, by which way others will reach this machine: @FILE reads it from a file, -
+    /// from standard input
     #[arg(value_name = "LINK", conflicts_with = "server")]
     link: Option<SecretArgument>,
     /// The same of a server, on which a call is opened to ask

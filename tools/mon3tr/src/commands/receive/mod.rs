@@ -39,7 +39,8 @@ use std::time::Duration;
 /// Options of `receive`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
-    /// The viewers' link, as `send` prints it: @FILE reads it from a file, - from standard input. Of several rooms, 7 at most, the people are shown together
+    /// The viewers' link, as `send` prints it: @FILE reads it from a file, - from standard input. Of several rooms, 7
+    /// at most, the people are shown together
     #[arg(value_name = "LINK", required = true)]
     rooms: Vec<SecretArgument>,
     /// Leave after so many pictures

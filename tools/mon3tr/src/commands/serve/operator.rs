@@ -36,10 +36,12 @@ pub(super) struct OperatorOptions {
     /// All requests come through a proxy, which adds clients' addresses to X-Forwarded-For; nobody else may reach this server
     #[arg(long)]
     behind_proxy: bool,
-    /// Name the relay of another process, `mon3tr-dev relay`, to callers: at this port of this server's own name, or of another host
+    /// Name the relay of another process, `mon3tr-dev relay`, to callers: at this port of this server's own name, or of
+    /// another host
     #[arg(long, value_name = "[HOST:]PORT", conflicts_with = "turn")]
     turn_at: Option<TurnAt>,
-    /// Have another process on this machine, `mon3tr-dev forwarder`, forward to viewers: the Unix socket on which it waits
+    /// Have another process on this machine, `mon3tr-dev forwarder`, forward to viewers: the Unix socket on which it
+    /// waits
     #[cfg(unix)]
     #[arg(long, value_name = "SOCKET", conflicts_with = "forward")]
     forward_at: Option<PathBuf>,

@@ -30,8 +30,8 @@ pub(super) struct TokenOptions {
     /// How many days that token holds
     #[arg(long, value_name = "DAYS", default_value = "90", requires = "new_owner", value_parser = clap::value_parser!(u64).range(1..=3650))]
     days: u64,
-    /// Take back a token of any kind, an owner's or one at the end of a link, or one by its name, and end; a server that runs knows it within two seconds. @FILE
-    /// reads the token from a file, - from standard input
+    /// Take back a token of any kind, an owner's or one at the end of a link, or one by its name, and end; a server
+    /// that runs knows it within two seconds. @FILE reads the token from a file, - from standard input
     #[arg(long, value_name = "@FILE|-|TOKEN", conflicts_with = "new_owner")]
     revoke: Option<SecretArgument>,
 }

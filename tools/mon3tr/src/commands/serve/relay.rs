@@ -1,5 +1,5 @@
-//! `mon3tr-dev relay`: the server's relay as a process of its own, on any machine that has the server's secret. Strangers send packets to it, and its end leaves signaling
-//! as it is.
+//! `mon3tr-dev relay`: the server's relay as a process of its own, on any machine that has the server's secret.
+//! Strangers send packets to it, and its end leaves signaling as it is.
 
 use super::{keep_to_oneself, raise_open_files, watchdog};
 use crate::network::{Network, asked_to_end};
@@ -15,7 +15,8 @@ pub struct Options {
     /// Address and port to listen on, over UDP and TCP (and TLS, where there is a certificate)
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "0.0.0.0:3478")]
     listen: SocketAddr,
-    /// The server's secret; the lists `revoked` and `blocked` are in its folder [default: `secret` in the folder of a server on this machine]
+    /// The server's secret; the lists `revoked` and `blocked` are in its folder [default: `secret` in the folder of a
+    /// server on this machine]
     #[arg(long, value_name = "FILE")]
     secret: Option<PathBuf>,
     /// The address by which the world reaches this machine, where a router stands between

@@ -12,7 +12,8 @@ use std::time::{Duration, Instant};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpSocket, TcpStream};
 
-/// Within which an honest request has its answer on an idle machine; here all attackers share two cores with the server.
+/// Within which an honest request has its answer on an idle machine; here all attackers share two cores with the
+/// server.
 const HONEST: Duration = Duration::from_secs(10);
 
 /// The server's answer to one request: its status and body; status 0 where the connection ended without one.
@@ -137,7 +138,8 @@ fn failed_uploads_of_one_member_and_thousands_of_calls_of_one_owner_keep_no_memb
     });
 }
 
-/// Bodies and heads that are never finished, from many addresses and renewed as they end, with a genuine token and without.
+/// Bodies and heads that are never finished, from many addresses and renewed as they end, with a genuine token and
+/// without.
 async fn hold(server: SocketAddr, from: [u8; 4], most: usize, slow: String, until: Instant) {
     let mut held = std::collections::VecDeque::new();
     let mut number = 0_usize;

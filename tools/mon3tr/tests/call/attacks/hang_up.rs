@@ -1,6 +1,7 @@
 //! Clients and servers close connections at every moment.
 //!
-//! The test's own process ignores SIGPIPE, and its children have the default disposition, as those of a shell: `Command` resets it.
+//! The test's own process ignores SIGPIPE, and its children have the default disposition, as those of a shell:
+//! `Command` resets it.
 
 use super::extent;
 use crate::command::{command, text};
@@ -290,7 +291,8 @@ fn a_server_with_tls_outlives_clients_that_hang_up_after_the_handshake() {
     assert_outlives(&mut server, &ways, extent(60, 1_000), well);
 }
 
-/// A server whose store lacks every package, and which reads so many bytes of an upload before it closes the connection.
+/// A server whose store lacks every package, and which reads so many bytes of an upload before it closes the
+/// connection.
 fn closes_in_mid_upload(bytes: usize, by_reset: bool) -> SocketAddr {
     let socket = Socket::new(Domain::IPV4, Type::STREAM, None).expect("a socket");
     // So that the sender's writes wait for this side.

@@ -1,4 +1,5 @@
-//! Holders of a call link watch without a seat, take seats and disconnect members; holders of a room's link take every place.
+//! Holders of a call link watch without a seat, take seats and disconnect members; holders of a room's link take every
+//! place.
 
 use super::extent;
 use super::relay::Relay;

@@ -1,5 +1,5 @@
-//! Hosts without a link send DTLS, SCTP, STUN and RTP packets to the ports of a call, and holders of a link attack the transport of the
-//! program at the other end.
+//! Hosts without a link send DTLS, SCTP, STUN and RTP packets to the ports of a call, and holders of a link attack the
+//! transport of the program at the other end.
 
 use super::extent;
 use crate::handover::{DIRECT, Hall};
@@ -39,7 +39,8 @@ fn head(message: u16, length: u32, offset: u32, part: u32) -> Vec<u8> {
     [&[1], &length[1..], &message, &offset[1..], &part[1..]].concat()
 }
 
-/// Records of 110 headers, each of which points to the next one. Their numbers grow from chain to chain: older ones count as repeated.
+/// Records of 110 headers, each of which points to the next one. Their numbers grow from chain to chain: older ones
+/// count as repeated.
 fn chain(message: u16, epoch: u16, offsets: &[u32]) -> Vec<Vec<u8>> {
     let first = offsets.first().copied().unwrap_or_default();
     let base = 1 << 40 | u64::from(first) << 24 | u64::from(message) << 12;
@@ -50,7 +51,8 @@ fn chain(message: u16, epoch: u16, offsets: &[u32]) -> Vec<Vec<u8>> {
     offsets.chunks(110).zip(base..).map(record).collect()
 }
 
-/// The first links last, as is needed to follow them: a message is looked for in all its fragments when its first one is there.
+/// The first links last, as is needed to follow them: a message is looked for in all its fragments when its first one
+/// is there.
 const LINKS: u32 = 24_000;
 
 /// Packets that a host without a link may send, with a name for each kind.
@@ -148,7 +150,8 @@ fn ports(process: &Program) -> Vec<SocketAddr> {
     local
 }
 
-/// Sends every assault to every port of a process, whose memory may not grow by more than [`GROWTH`]; `goes_on` after each.
+/// Sends every assault to every port of a process, whose memory may not grow by more than [`GROWTH`]; `goes_on` after
+/// each.
 fn withstands(process: &Program, mut goes_on: impl FnMut(&str)) {
     goes_on("before");
     let before = process.resident_memory();

@@ -20,7 +20,8 @@ const KEY: &str = "k7qf2mxd3paahjwabcdefgh234";
 /// A user with no rights on this machine.
 const STRANGER: u32 = 65_534;
 
-/// What another user of the machine reads in the file of a process; as the test's own user where that cannot become another one.
+/// What another user of the machine reads in the file of a process; as the test's own user where that cannot become
+/// another one.
 fn read_by_stranger(process: u32, file: &str) -> Output {
     let mut command = Command::new("cat");
     command.arg(format!("/proc/{process}/{file}"));

@@ -1,5 +1,5 @@
-//! A call of two for an hour, while visitors come and go, packets are lost, addresses change, the server's disk fills up and a member's clock is set: it stays, and takes no
-//! more memory.
+//! A call of two for an hour, while visitors come and go, packets are lost, addresses change, the server's disk fills
+//! up and a member's clock is set: it stays, and takes no more memory.
 
 use super::extent;
 use crate::command::json;

@@ -1,4 +1,5 @@
-//! What the server and its forwarder's process say to one another: messages of JSON, each after its length (u32, big endian).
+//! What the server and its forwarder's process say to one another: messages of JSON, each after its length (u32, big
+//! endian).
 
 use link_protocol::Name;
 use link_protocol::rooms::RoomStatus;
