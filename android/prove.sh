@@ -191,7 +191,7 @@ senders() {
 	links=()
 	[ -n "$server" ] || { fail "there is no server: $server_lacks" || return; }
 	for one in $(seq "$1"); do
-		start_program "sender-$one" "$mon3tr" send --server "$server" --owner-token "$(cat "$out/server/owner-token")" --avatar "$avatar"
+		start_program "sender-$one" "$mon3tr" send --server "$server" --owner-token "@$out/server/owner-token" --avatar "$avatar"
 		link=$(word_after "sender-$one" "mon3tr receive '*") || { fail "no sender: $(tail -n 1 "$out/log/sender-$one.txt")" || return; }
 		links+=("$link")
 	done
@@ -243,7 +243,7 @@ call_step() {
 	local link
 	[ -n "$server" ] || { fail "there is no server: $server_lacks" || return; }
 	device push "$avatar" "$files/avatar.m3a" >/dev/null 2>&1 || { fail "adb could not copy the avatar" || return; }
-	start_program desk "$mon3tr" call --server "$server" --owner-token "$(cat "$out/server/owner-token")" --avatar "$avatar" --name Desk --display none --json "$out/desk.json"
+	start_program desk "$mon3tr" call --server "$server" --owner-token "@$out/server/owner-token" --avatar "$avatar" --name Desk --display none --json "$out/desk.json"
 	link=$(word_after desk "mon3tr call '*") || { fail "no call: $(tail -n 1 "$out/log/desk.txt")" || return; }
 	open_app "call = \"$link\"" 'name = "Headset"' || return
 	app_says "Desk has joined" 1 || return
