@@ -132,6 +132,14 @@ async fn take_seat(
                 refused.push(free.room.clone());
                 why = error.into();
             }
+            // One of those seats may be this side's own, which was killed: the server keeps it for a while.
+            Err(error @ HttpError::TooManySeats { .. }) => {
+                if !status.seats.iter().any(|seat| seat.kept) || Instant::now() >= until {
+                    return Err(error.into());
+                }
+                attempts -= 1;
+                sleep(LOOK_AGAIN).await;
+            }
             entered => return Ok((seat, entered?)),
         }
     }

@@ -317,6 +317,10 @@ impl Reply {
                 advice: advice(what),
             },
             409 if what == PRESENCE => HttpError::SeatTaken,
+            403 if what == PRESENCE => HttpError::TooManySeats {
+                server,
+                said: self.said(token),
+            },
             413 => HttpError::TooLarge { server, what },
             429 => HttpError::RateLimited {
                 server,

@@ -106,6 +106,14 @@ pub enum HttpError {
     /// 409: the seat of a call is another person's.
     #[error("someone else sits there: take another seat")]
     SeatTaken,
+    /// 403 to a member: its network has as many seats of the call as it may have.
+    #[error("{server} gives this network no other seat of the call: {said}")]
+    TooManySeats {
+        /// The server.
+        server: ServerUrl,
+        /// What the server says.
+        said: String,
+    },
     /// 503 to an offer: the sender is absent.
     #[error("the sender is not in the room now: wait until it is")]
     SenderAbsent {

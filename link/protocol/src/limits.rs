@@ -24,7 +24,7 @@ pub const MAX_PERSON_NAME: usize = 40;
 /// People in one call.
 pub const MAX_PEOPLE: usize = 8;
 
-/// Seats of one call that one network address may take where the call's opener allows no more; of IPv6, one /64.
+/// Seats of one call that one network address may take where the call's opener allows no more; of IPv6, one /56.
 pub const SEATS_PER_ADDRESS: u8 = 3;
 
 /// How long the server keeps a seat for its occupant after the occupant's presence stream has broken.

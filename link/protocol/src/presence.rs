@@ -19,7 +19,7 @@ pub enum PresenceEvent {
         /// What the server calls the viewer's token; nothing of its own forwarder and of the people of a call.
         token: Option<Name>,
         /// What the server calls the network that the offer came from: the same for offers of one IPv4 address or one
-        /// IPv6 /64 to one room.
+        /// IPv6 /56 to one room.
         network: Option<Name>,
     },
     /// A viewer has left.

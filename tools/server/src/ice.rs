@@ -102,28 +102,18 @@ impl Ice {
     }
 
     /// What the bearer of a token is told of a room. This server's own relay has the name by which the bearer reached
-    /// this server, from the request's headers: what is told there to a bearer that lies reaches nobody else.
-    pub(crate) fn servers(&self, headers: &HeaderMap, room: Id, claims: &Claims) -> IceServers {
+    /// this server, from the request's headers: a bearer that sends a false name changes only its own answer.
+    pub(crate) fn servers(&self, headers: &HeaderMap, claims: &Claims) -> IceServers {
         let role = match claims.role {
             Role::Sender => relay::Role::Sender,
             Role::Member => relay::Role::Member,
             Role::Viewer | Role::Owner => relay::Role::Viewer,
         };
-        self.servers_at(self.host(headers), room, role, Some(claims))
+        // Of a member the call, not a seat: relays are counted by it, and a member can ask about each seat.
+        self.servers_at(self.host(headers), claims.room(), role, Some(claims))
     }
 
-    /// The same for who is present in the room as its sender.
-    pub(crate) fn senders_servers(
-        &self,
-        headers: &HeaderMap,
-        room: Id,
-        claims: &Claims,
-    ) -> IceServers {
-        let host = self.host(headers);
-        self.servers_at(host, room, relay::Role::Sender, Some(claims))
-    }
-
-    /// By which the bearer reaches the relay: its own name, or that of this server in the request's headers.
+    /// The name or address by which the bearer reaches the relay: its own name, or that of this server in the request's headers.
     fn host(&self, headers: &HeaderMap) -> Option<String> {
         let elsewhere = self.own.as_ref().filter(|own| own.is_elsewhere);
         elsewhere.map_or_else(|| host(headers), |own| own.host.clone())

@@ -245,12 +245,12 @@ struct Present {
     kept: Kept,
 }
 
-/// Who has a room, as far as its bounds go.
+/// The owner and the network that a room is counted for.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Occupancy {
     /// The room's owner.
     pub(crate) owner: Id,
-    /// The network of whoever sits in this seat of a call.
+    /// The network of the seat's occupant of a call.
     pub(crate) network: Option<Id>,
 }
 

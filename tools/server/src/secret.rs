@@ -102,16 +102,6 @@ impl Secret {
     }
 
     fn parse(path: &Path, text: &str) -> Result<Self, ServerError> {
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            if std::fs::metadata(path).is_ok_and(|m| m.permissions().mode() & 0o077 != 0) {
-                log::warn!(
-                    "{} holds the server's secret and others may read it; chmod 600 it",
-                    path.display()
-                );
-            }
-        }
         from_hex(text.trim())
             .map(Self::of)
             .ok_or_else(|| ServerError::SecretDamaged {

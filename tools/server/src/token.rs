@@ -219,7 +219,7 @@ fn seat(key: &[u8; 32], call: Id, number: usize) -> Id {
 }
 
 impl Secret {
-    /// What the network of `address` is called in a room or a call: the same for one IPv4 address or one IPv6 /64, and
+    /// What the network of `address` is called in a room or a call: the same for one IPv4 address or one IPv6 /56, and
     /// another name in another room.
     pub(crate) fn network(&self, room: Id, address: IpAddr) -> Id {
         let mut mac = mac_of(&self.key(false), b"mon3tr network\0");
@@ -340,7 +340,7 @@ mod tests {
         };
         let same = [
             ("192.0.2.1", "::ffff:192.0.2.1"),
-            ("2001:db8:0:1::1", "2001:db8:0:1:ffff:ffff:ffff:ffff"),
+            ("2001:db8:0:1::1", "2001:db8:0:ff:ffff:ffff:ffff:ffff"),
         ];
         for (one, two) in same {
             assert_eq!(name(room, one)?, name(room, two)?, "{one} and {two}");
@@ -348,7 +348,7 @@ mod tests {
         }
         for (one, two) in [
             ("192.0.2.1", "192.0.2.2"),
-            ("2001:db8:0:1::1", "2001:db8:0:2::1"),
+            ("2001:db8:0:1::1", "2001:db8:0:100::1"),
         ] {
             assert_ne!(name(room, one)?, name(room, two)?, "{one} and {two}");
         }

@@ -1,4 +1,4 @@
-//! For whom an allocation is counted.
+//! The bearer, room and owner that an allocation is counted for.
 
 use crate::credentials::{Role, Subject};
 

@@ -277,6 +277,10 @@ async fn serve_packets(
             if !more {
                 return Ok::<_, io::Error>(());
             }
+            // The client may have been blocked since it connected.
+            if service.is_blocked(client.address.ip()) {
+                return Ok(());
+            }
             let had = established;
             established = service.handle(client, &way, &packet);
             place.has_allocation(established);

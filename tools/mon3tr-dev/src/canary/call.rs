@@ -126,8 +126,11 @@ impl Canary<'_> {
     ) -> Result<Measured, Failure> {
         let direct = stage.view(self.join(link), FRAMES)?;
         let status = self.http(Step::Offer, self.client.room_status(link))?;
-        let servers = status.map_or_else(IceServers::default, |status| status.ice_servers);
-        let relay = self.relay(server, &servers)?;
+        let status = status.ok_or_else(|| {
+            let why = "the server says that the sender is not in its room, where it answered a moment ago";
+            Failure::new(Step::Offer, why)
+        })?;
+        let relay = self.relay(server, &status.ice_servers)?;
         // A sender whose server forwards serves so many itself.
         for _ in 1..MAX_PEOPLE {
             stage.view(self.join(link), 1)?;

@@ -9,9 +9,13 @@ use std::path::Path;
 use tempfile::NamedTempFile;
 
 /// Name, and what it says.
-const FAMILIES: [(&str, &str); 5] = [
+const FAMILIES: [(&str, &str); 6] = [
     ("up", "Whether the last call through the server succeeded."),
     ("failed", "The step in which the last call failed."),
+    (
+        "relay",
+        "Whether the server names a relay that lends an address.",
+    ),
     ("join_seconds", "From joining to the first frame of motion."),
     (
         "frames_lost_ratio",
@@ -80,6 +84,9 @@ fn samples(family: &str, call: &Call) -> Vec<(String, f64)> {
         )))),
         ("failed", Outcome::Failed(failure)) => {
             vec![(format!(",step=\"{}\"", failure.step), 1.0)]
+        }
+        ("relay", Outcome::Succeeded(measured)) => {
+            alone(f64::from(u8::from(measured.relay.is_some())))
         }
         ("join_seconds", _) => paths(|arrived| arrived.join_s),
         ("frames_lost_ratio", _) => {

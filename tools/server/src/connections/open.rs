@@ -2,7 +2,7 @@
 //!
 //! A connection is *trusted* once a request on it has succeeded with a valid token. A part of the places is kept for
 //! trusted connections, and as large a part for the others. Within each kind the address with the most connections
-//! gives one up, the one that has been idle for longest: so whoever opens many closes its own.
+//! gives one up, the one that has been idle for longest: so an address that opens many loses its own first.
 
 use std::collections::HashMap;
 use std::net::{IpAddr, SocketAddr};
@@ -134,15 +134,20 @@ impl Open {
         let first = of_kind.min_by_key(|connection| {
             let address = network_prefix(connection.client.ip());
             let count = self.by_address.get(&address).copied().unwrap_or_default();
+            let count = if is_trusted {
+                count.trusted
+            } else {
+                count.others
+            };
             let used = connection.place.used.load(Relaxed);
-            (std::cmp::Reverse(count.all()), used)
+            (std::cmp::Reverse(count), used)
         });
         first.map(|connection| connection.place.number)
     }
 
     /// A request of this client has succeeded with a valid token.
     pub(super) fn trust(&mut self, client: &SocketAddr) {
-        // Its own part is left to the others.
+        // The places of untrusted connections stay theirs.
         if self.trusted >= self.most - self.kept() {
             return;
         }

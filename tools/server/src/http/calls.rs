@@ -64,7 +64,7 @@ pub(super) async fn status(
     let seats = claims.seats(&app.secret).map(|room| seat(&app, room));
     let seats = join_all(seats).await;
     let seats = seats.into_iter().collect::<Result<_, _>>()?;
-    let ice_servers = app.ice.servers(&headers, call, &claims);
+    let ice_servers = app.ice.servers(&headers, &claims);
     let status = CallStatus { seats, ice_servers };
     Ok((NO_STORE, Json(status)).into_response())
 }

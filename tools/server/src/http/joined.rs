@@ -32,7 +32,17 @@ impl Joined {
             sessions.retain(|session| session.claims.expires > now);
         }
         if sessions.len() >= PER_OWNER {
-            sessions.pop_front();
+            // The oldest one of the token with the most: a viewer with many sessions has none of another's forgotten.
+            let mut counts = HashMap::<Id, usize>::new();
+            for session in sessions.iter() {
+                *counts.entry(session.claims.name).or_default() += 1;
+            }
+            let most = counts.into_iter().max_by_key(|(_, count)| *count);
+            let at = most.and_then(|(name, _)| {
+                let is_its = |session: &Session| session.claims.name == name;
+                sessions.iter().position(is_its)
+            });
+            sessions.remove(at.unwrap_or(0));
         }
         sessions.push_back(Session {
             room,

@@ -129,6 +129,10 @@ pub(crate) fn router(app: Arc<App>) -> Router {
             "/v1/rooms/{room}/sessions/{session}",
             axum::routing::delete(rooms::leave),
         )
+        .route(
+            "/v1/rooms/{room}/presence",
+            axum::routing::delete(presence::leave),
+        )
         .layer(DefaultBodyLimit::max(MAX_JSON_BYTES));
     let offers = Router::new()
         .route("/v1/rooms/{room}/whep", post(rooms::join))
@@ -141,9 +145,7 @@ pub(crate) fn router(app: Arc<App>) -> Router {
     let long = Router::new()
         .route(
             "/v1/rooms/{room}/presence",
-            post(presence::enter)
-                .delete(presence::leave)
-                .layer(DefaultBodyLimit::max(MAX_JSON_BYTES)),
+            post(presence::enter).layer(DefaultBodyLimit::max(MAX_JSON_BYTES)),
         )
         .route(
             "/v1/packages/{hash}",

@@ -56,7 +56,13 @@ pub(super) async fn enter(
     }
     let avatar = sender.announcement.avatar;
     if claims.role == Role::Member {
-        check_seat(&app, room, &sender).await?;
+        check_seat(&app, room, &sender)
+            .await
+            .inspect_err(|refusal| {
+                if matches!(refusal, HttpError::SeatTaken) {
+                    app.metrics.senders_refused.inc();
+                }
+            })?;
     }
     let size = app.packages.size(Shelf::of(&claims), avatar.sha256);
     match tokio::time::timeout(ANNOUNCED_WITHIN, size).await {
@@ -206,7 +212,7 @@ impl EventStream {
                     sse(&PresenceEvent::Replaced)
                 }
                 () = self.stopping.cancelled() => return None,
-                // Who has no right to the room any more is to hear of nobody in it, nor to keep others out.
+                // A sender whose token is revoked gets no more events, and does not hold the room.
                 () = self.app.revoked.until_any(&self.names) => {
                     self.guard.presence.leave();
                     let sessions = self.app.joined.of_room(self.claims.owner, self.room);
@@ -219,7 +225,7 @@ impl EventStream {
                 }
                 () = tokio::time::sleep_until(self.tell_ice), if self.app.ice.has_any() => {
                     self.tell_ice = Instant::now() + TELL_ICE_EVERY;
-                    let servers = self.app.ice.senders_servers(&self.headers, self.room, &self.claims);
+                    let servers = self.app.ice.servers(&self.headers, &self.claims);
                     sse(&PresenceEvent::IceServers(servers))
                 }
                 event = self.events.recv() => sse(&event?),

@@ -121,7 +121,7 @@ pub(super) async fn status(
             let no_store = [(header::CACHE_CONTROL, HeaderValue::from_static("no-store"))];
             let status = RoomStatus {
                 announcement,
-                ice_servers: app.ice.servers(&headers, room, &claims),
+                ice_servers: app.ice.servers(&headers, &claims),
             };
             Ok((no_store, Json(status)).into_response())
         }

@@ -67,7 +67,7 @@ struct Call {
     waiting: VecDeque<oneshot::Sender<Place>>,
 }
 
-/// A place; dropping it gives it to whose turn it is.
+/// A place; dropping it gives it to the next owner in turn.
 #[derive(Debug)]
 pub(super) struct Place {
     places: Places,
@@ -130,7 +130,7 @@ impl Places {
     }
 }
 
-/// Who gets a place now.
+/// The next place: its party, its number, and the channel to send it by.
 struct Next {
     party: Party,
     number: u64,
@@ -234,7 +234,7 @@ impl Shared {
 
 impl Owner {
     /// The call whose turn it is among those that may have one more place, and who waits first in it. Where the owner
-    /// `may` have none, who has gone away is forgotten all the same.
+    /// `may` have none, requests that were given up are removed all the same.
     fn next(&mut self, may: bool, most: usize) -> Option<(Option<Id>, oneshot::Sender<Place>)> {
         let mut given = None;
         for _ in 0..self.turns.len() {

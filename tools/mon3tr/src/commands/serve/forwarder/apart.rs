@@ -6,7 +6,7 @@ use link_protocol::rooms::RoomStatus;
 use server::{Forwarding, HandedOver, SendersRoom};
 use std::collections::HashMap;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::net::UnixStream;
@@ -15,14 +15,17 @@ use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
 
 /// How long the forwarder may take to accept a connection, and to answer a viewer's offer: it joins the sender first.
+/// With the sender's own time for an answer that is less than a request may take.
 const CONNECT_WITHIN: Duration = Duration::from_secs(1);
-const TAKE_WITHIN: Duration = Duration::from_secs(10);
+const TAKE_WITHIN: Duration = Duration::from_secs(8);
 
 /// A forwarder in another process, which may end and come back.
 #[derive(Debug)]
 pub(in super::super) struct Apart {
     socket: PathBuf,
-    connection: tokio::sync::Mutex<Option<Connection>>,
+    connection: Arc<tokio::sync::Mutex<Option<Connection>>>,
+    /// The forwarder could not be reached, which has been logged.
+    is_missing: AtomicBool,
     viewers: Arc<AtomicUsize>,
     next: AtomicU64,
 }
@@ -48,7 +51,8 @@ impl Apart {
     pub(in super::super) fn new(socket: PathBuf) -> Self {
         Self {
             socket,
-            connection: tokio::sync::Mutex::default(),
+            connection: Arc::default(),
+            is_missing: AtomicBool::default(),
             viewers: Arc::default(),
             next: AtomicU64::default(),
         }
@@ -64,12 +68,16 @@ impl Apart {
         let connected = connecting.await.unwrap_or_else(|late| Err(late.into()));
         let stream = connected
             .inspect_err(|error| {
-                log::error!(
-                    "the forwarder at {} cannot be reached ({error}): `mon3tr-dev forwarder` has to run there",
-                    self.socket.display()
-                );
+                // Once: each viewer that a sender hands over asks for it.
+                if !self.is_missing.swap(true, Relaxed) {
+                    log::warn!(
+                        "the forwarder at {} cannot be reached ({error}): `mon3tr-dev forwarder` has to run there",
+                        self.socket.display()
+                    );
+                }
             })
             .ok()?;
+        self.is_missing.store(false, Relaxed);
         let (out, waiting) = mpsc::channel(MAX_WAITING);
         let open = Connection {
             out,
@@ -121,13 +129,14 @@ impl Forwarding for Apart {
     }
 
     fn leave(&self, session: &Name) {
-        // While a connection is being made there is nobody to leave.
-        if let Ok(kept) = self.connection.try_lock()
-            && let Some(open) = kept.as_ref()
-        {
-            let session = session.clone();
-            let _ = open.out.try_send(ToForwarder::Leave { session });
-        }
+        // In a task of its own: it is said once, and must not be lost while a connection is made or the queue is full.
+        let (kept, session) = (Arc::clone(&self.connection), session.clone());
+        tokio::spawn(async move {
+            let open = kept.lock().await.clone();
+            if let Some(open) = open {
+                let _ = open.out.send(ToForwarder::Leave { session }).await;
+            }
+        });
     }
 
     fn viewers(&self) -> usize {
@@ -223,7 +232,10 @@ async fn write_all(mut stream: OwnedWriteHalf, mut waiting: mpsc::Receiver<ToFor
     while let Some(message) = waiting.recv().await {
         if let Err(error) = wire::write(&mut stream, &message).await {
             log::debug!("a message did not reach the forwarder: {error}");
-            return;
+            // One that is too long has not been begun.
+            if error.kind() != std::io::ErrorKind::InvalidInput {
+                return;
+            }
         }
     }
 }

@@ -31,7 +31,7 @@ const REPORT_EVERY: Duration = Duration::from_secs(1);
 /// Options of `forwarder`.
 #[derive(Debug, clap::Args)]
 pub struct Options {
-    /// The Unix socket on which to wait for `serve --forward-at`; whoever may write to it is the server
+    /// The Unix socket on which to wait for `serve --forward-at`; a process that may write to it can act as the server
     #[arg(long, value_name = "SOCKET")]
     listen: PathBuf,
     /// Viewers at most, of all rooms together
@@ -159,7 +159,7 @@ async fn serve(stream: UnixStream, halls: Halls, address: ServerUrl) -> std::io:
     };
     reporting.abort();
     writing.abort();
-    // Who waits for an answer waits in vain.
+    // Ends the requests that wait for an answer of this server.
     server.locked().clear();
     ended
 }
@@ -204,7 +204,7 @@ impl ServerLine {
 
     fn answered(&self, question: u64, reply: Reply) {
         if let Some(waits) = self.locked().remove(&question) {
-            // Who asked may have given up.
+            // The request may have timed out.
             let _ = waits.send(reply);
         }
     }

@@ -9,7 +9,7 @@ use std::io::{Error, ErrorKind};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 
 /// The longest message: an offer, escaped.
-const MAX_BYTES: u32 = 1 << 20;
+const MAX_BYTES: u32 = 8 << 20;
 
 /// Messages that may wait to be written. A side that reads so slowly is taken for dead.
 pub(super) const MAX_WAITING: usize = 1024;
