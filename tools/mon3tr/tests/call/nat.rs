@@ -194,7 +194,7 @@ fn a_call_goes_on_when_the_viewers_router_gets_another_address() {
 fn a_call_goes_on_when_the_senders_router_gets_another_address() {
     let said = call_through([HomeKind::Cone; 2], |[sender, _]| sender.move_router());
     // Its own addresses are as they were; without, the viewer's offer would be heard when the server's silence is noticed.
-    let silent = "a viewer is silent: entering the room again";
+    let silent = "viewers are silent: entering the room again";
     assert!(said.is_none_or(|said| said.contains(silent)), "{silent}");
 }
 
