@@ -132,11 +132,12 @@ async fn a_viewers_session_ends_with_its_token_and_a_room_with_its_owners() -> O
 
     // What an owner's token has opened ends with it, and what the sender has given.
     revoke(caller, &file, &owner)?;
-    while sender
-        .next()
-        .await?
-        .is_some_and(|(name, _)| name == "leave")
-    {}
+    let mut ended = Vec::new();
+    while let Some((name, session)) = sender.next().await? {
+        assert_eq!(name, "leave");
+        ended.push(session);
+    }
+    assert!(ended.contains(&json!({ "session": stays })), "{ended:?}");
     for token in [&room.sender, &room.viewer, &guest.viewer] {
         let status = caller.get(&room.path(), token).await?.status();
         assert_eq!(status, StatusCode::UNAUTHORIZED, "made with it");

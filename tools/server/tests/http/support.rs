@@ -126,6 +126,7 @@ pub(crate) fn config(store: StoreConfig) -> Outcome<Config> {
         forwarding: None,
         stun: Vec::new(),
         turn: None,
+        turn_at: None,
         tls: None,
         revoked: None,
         blocked: None,
