@@ -1,10 +1,12 @@
 //! The rules, over both directions of a connection's datagrams:
 //!
-//! - STUN passes from every source: the library checks it by the connection's password. A request of a source that has not been answered
-//!   passes while fewer than [`MOST`] have: each becomes a candidate, to which this side sends.
-//! - Of TURN, data passes only from a server at which this side asks for an allocation, and is then screened as the peer's.
-//! - DTLS, RTP and RTCP pass only from the other side: from where this side has sent DTLS or RTP, as the library does only to the remote
-//! address of the selected pair, or has answered a STUN request, as the library does only if it has the right password.
+//! - STUN passes from every source: the library checks it by the connection's password. A request of a source that has
+//!   not been answered passes while fewer than [`MOST`] have: each becomes a candidate, to which this side sends.
+//! - Of TURN, data passes only from a server at which this side asks for an allocation, and is then screened as the
+//!   peer's.
+//! - DTLS, RTP and RTCP pass only from the other side: from an address to which this side has sent DTLS or RTP, as the
+//!   library does only to the remote address of the selected pair, or whose STUN request this side has answered, as the
+//!   library does only if it has the right password.
 //! - DTLS is bounded as [`super::dtls`] says, and SSRCs in number.
 //! - Everything else is dropped.
 
@@ -103,10 +105,8 @@ impl Screen {
 
     fn sends_to(&mut self, to: Place, packet: &[u8]) {
         match packet.first() {
-            Some(first) if STUN.contains(first) => {
-                if stun::kind(packet) == Kind::BindingSuccess {
-                    remember(&mut self.peers, to);
-                }
+            Some(first) if STUN.contains(first) && stun::kind(packet) == Kind::BindingSuccess => {
+                remember(&mut self.peers, to);
             }
             Some(first) if DTLS.contains(first) => {
                 self.records.sends(packet);

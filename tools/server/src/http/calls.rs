@@ -58,9 +58,10 @@ pub(super) async fn status(
     Path(call): Path<String>,
     headers: HeaderMap,
 ) -> Result<Response, HttpError> {
-    let call = Id::parse(&call)
-        .filter(|call| claims.may(&[Role::Member], *call))
-        .ok_or(HttpError::NotFound)?;
+    let is_theirs = |call| claims.may(&[Role::Member], call);
+    if !Id::parse(&call).is_some_and(is_theirs) {
+        return Err(HttpError::NotFound);
+    }
     let seats = claims.seats(&app.secret).map(|room| seat(&app, room));
     let seats = join_all(seats).await;
     let seats = seats.into_iter().collect::<Result<_, _>>()?;
