@@ -21,12 +21,12 @@ fn stun(kind: u16, attributes: &[(u16, &[u8])]) -> Vec<u8> {
     let mut body = Vec::new();
     for (kind, value) in attributes {
         body.extend(kind.to_be_bytes());
-        body.extend((value.len() as u16).to_be_bytes());
+        body.extend(u16::try_from(value.len()).expect("short").to_be_bytes());
         body.extend(*value);
         body.resize(body.len().next_multiple_of(4), 0);
     }
     let mut message = kind.to_be_bytes().to_vec();
-    message.extend((body.len() as u16).to_be_bytes());
+    message.extend(u16::try_from(body.len()).expect("short").to_be_bytes());
     message.extend([
         0x21, 0x12, 0xA4, 0x42, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12,
     ]);
@@ -59,7 +59,7 @@ fn indication(kind: u16, peer: SocketAddr, data: &[u8]) -> Vec<u8> {
 
 fn channel(number: u16, data: &[u8]) -> Vec<u8> {
     let mut datagram = number.to_be_bytes().to_vec();
-    datagram.extend((data.len() as u16).to_be_bytes());
+    datagram.extend(u16::try_from(data.len()).expect("short").to_be_bytes());
     datagram.extend(data);
     datagram
 }
@@ -69,7 +69,7 @@ fn record(content: u8, epoch: u16, body: &[u8]) -> Vec<u8> {
     let mut record = vec![content, 254, 253];
     record.extend(epoch.to_be_bytes());
     record.extend([0; 6]);
-    record.extend((body.len() as u16).to_be_bytes());
+    record.extend(u16::try_from(body.len()).expect("short").to_be_bytes());
     record.extend(body);
     record
 }
@@ -491,7 +491,7 @@ fn sctp(chunks: &[(u8, Vec<u8>)]) -> Vec<u8> {
     let mut packet = vec![0; 12];
     for (kind, body) in chunks {
         packet.extend([*kind, 7]);
-        packet.extend((body.len() as u16 + 4).to_be_bytes());
+        packet.extend(u16::try_from(body.len() + 4).expect("short").to_be_bytes());
         packet.extend(body);
         packet.resize(packet.len().next_multiple_of(4), 0);
     }

@@ -46,7 +46,7 @@ async fn ends(stream: &mut Presence) -> Outcome {
     let ended = async {
         // Those who are there leave, and nobody comes any more.
         while let Some((name, _)) = stream.next().await? {
-            assert_eq!(name, "leave");
+            assert_eq!(name, "leave", "nothing else comes");
         }
         Outcome::Ok(())
     };
@@ -134,7 +134,7 @@ async fn a_viewers_session_ends_with_its_token_and_a_room_with_its_owners() -> O
     revoke(caller, &file, &owner)?;
     let mut ended = Vec::new();
     while let Some((name, session)) = sender.next().await? {
-        assert_eq!(name, "leave");
+        assert_eq!(name, "leave", "nothing else comes");
         ended.push(session);
     }
     assert!(ended.contains(&json!({ "session": stays })), "{ended:?}");

@@ -149,7 +149,11 @@ fn assert_refused(viewer: &Viewer, why: Refusal) {
         "{end:?}"
     );
     let statistics = viewer.statistics();
-    assert_eq!((statistics.frames, statistics.voice), (0, 0));
+    assert_eq!(
+        (statistics.frames, statistics.voice),
+        (0, 0),
+        "nothing came"
+    );
 }
 
 #[test]

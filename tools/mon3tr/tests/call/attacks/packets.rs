@@ -27,7 +27,7 @@ fn record(epoch: u16, sequence: u64, body: &[u8]) -> Vec<u8> {
     let mut record = vec![22, 254, 253];
     record.extend(epoch.to_be_bytes());
     record.extend(&sequence.to_be_bytes()[2..]);
-    record.extend((body.len() as u16).to_be_bytes());
+    record.extend(u16::try_from(body.len()).expect("short").to_be_bytes());
     record.extend(body);
     record
 }
@@ -90,18 +90,18 @@ fn assaults() -> Vec<(&'static str, Vec<Vec<u8>>)> {
     let relayed = chained.iter().map(|datagram| {
         let padded = datagram.len().next_multiple_of(4);
         let mut message = vec![0x00, 0x17];
-        message.extend((12 + 4 + padded as u16).to_be_bytes());
+        message.extend(u16::try_from(12 + 4 + padded).expect("short").to_be_bytes());
         message.extend([0x21, 0x12, 0xA4, 0x42]);
         message.extend([9; 12]);
         message.extend([0, 0x12, 0, 8, 0, 1, 0x21, 0x13, 0x5E, 0x12, 0xA4, 0x43]);
         message.extend([0, 0x13]);
-        message.extend((datagram.len() as u16).to_be_bytes());
+        message.extend(u16::try_from(datagram.len()).expect("short").to_be_bytes());
         message.extend(datagram);
         message.resize(20 + 12 + 4 + padded, 0);
         message
     });
     let channels = chained.iter().map(|datagram| {
-        let length = (datagram.len() as u16).to_be_bytes();
+        let length = u16::try_from(datagram.len()).expect("short").to_be_bytes();
         [&[0x40, 0x00], &length[..], datagram].concat()
     });
     let relayed = relayed.chain(channels).collect();

@@ -143,7 +143,7 @@ impl World {
     /// Fills the server's disk; it is full until the file is removed.
     fn fill_disk(&self) -> PathBuf {
         let file = self.on_disk("fills-the-disk");
-        let bytes = vec![0; (DISK_MB << 20) as usize];
+        let bytes = vec![0; usize::try_from(DISK_MB << 20).expect("some MB")];
         std::fs::write(&file, bytes).expect_err("the disk is smaller");
         file
     }
