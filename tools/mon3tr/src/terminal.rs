@@ -47,7 +47,7 @@ macro_rules! eprintln {
     };
 }
 
-/// Writes `text` to `stream`. A reader that has gone is no failure; any other one is kept for [`failure`].
+/// Writes `text` to `stream`. A reader that has gone is no failure; any other one is kept for `failure`.
 pub fn write_text(stream: Stream, text: Arguments<'_>) {
     let text = printable(&text.to_string());
     let written = match stream {
