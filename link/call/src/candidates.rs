@@ -1,5 +1,6 @@
 //! Which of the other side's ICE candidates are tried: each is an address to which this side sends, by the word of whoever made the offer.
 
+use crate::scope::Scope;
 use crate::sdp::{Candidate, Host};
 use std::collections::BTreeSet;
 use std::net::{IpAddr, SocketAddr};
@@ -32,25 +33,16 @@ pub(crate) fn screened(candidates: &[Candidate], is_local: bool) -> Vec<&Candida
 
 /// Whether one machine has the address, and another may be sent to it.
 fn is_unicast(ip: IpAddr, is_local: bool) -> bool {
-    match ip.to_canonical() {
-        IpAddr::V4(ip) => {
-            (is_local || !ip.is_loopback())
-                && !ip.is_unspecified()
-                && !ip.is_multicast()
-                && !ip.is_broadcast()
-        }
-        IpAddr::V6(ip) => {
-            (is_local || !ip.is_loopback()) && !ip.is_unspecified() && !ip.is_multicast()
-        }
+    match Scope::of(ip) {
+        None => false,
+        Some(Scope::Machine) => is_local,
+        Some(_) => true,
     }
 }
 
 /// Whether the address is one of a network that the internet does not reach.
-pub(crate) fn is_private(ip: IpAddr) -> bool {
-    match ip.to_canonical() {
-        IpAddr::V4(ip) => ip.is_private() || ip.is_link_local() || ip.is_loopback(),
-        IpAddr::V6(ip) => ip.is_unique_local() || ip.is_unicast_link_local() || ip.is_loopback(),
-    }
+fn is_private(ip: IpAddr) -> bool {
+    Scope::of(ip).is_some_and(|scope| scope < Scope::Internet)
 }
 
 /// Whether one of these addresses is of the machine's loopback.

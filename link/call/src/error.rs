@@ -178,6 +178,18 @@ fn no_way(relay: Option<&Relay>) -> String {
 }
 
 impl CallError {
+    /// The answer to a side whose offer is not taken. Each offer is answered: one without an answer keeps a place at
+    /// the server for seconds.
+    pub(crate) fn refusal(&self) -> Refusal {
+        match self {
+            Self::HandedOver => Refusal::Full,
+            // Not the viewer's fault: it may try again.
+            Self::TooManyViewers | Self::Random(_) => Refusal::Many,
+            Self::Refused(refusal) => *refusal,
+            _ => Refusal::Link,
+        }
+    }
+
     /// Whether the sender is not there, and may come.
     pub(crate) fn is_absence(&self) -> bool {
         matches!(

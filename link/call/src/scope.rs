@@ -23,7 +23,7 @@ pub(crate) enum Scope {
 
 impl Scope {
     /// That of an address; nothing for one that no single machine has.
-    fn of(ip: IpAddr) -> Option<Self> {
+    pub(crate) fn of(ip: IpAddr) -> Option<Self> {
         match ip.to_canonical() {
             IpAddr::V4(ip) => Self::of_v4(ip),
             IpAddr::V6(ip) => match ip.segments() {

@@ -2,10 +2,13 @@
 
 use crate::Id;
 use crate::blocked::Blocked;
+use crate::reread::LOOK;
 use crate::revoked::Revoked;
 use crate::rooms::Rooms;
 use std::net::IpAddr;
 use std::sync::Arc;
+use tokio::time::sleep;
+use tokio_util::sync::CancellationToken;
 
 /// What the server knows of tokens and addresses.
 #[derive(Debug)]
@@ -14,6 +17,28 @@ pub(crate) struct Admission {
     pub(crate) blocked: Arc<Blocked>,
     /// Of this instance; a relay in a process of its own has no rooms.
     pub(crate) rooms: Option<Arc<Rooms>>,
+}
+
+impl Admission {
+    /// Looks every two seconds which tokens are revoked and which addresses are blocked, until `stopping`. Where either
+    /// has changed, calls `changed` with whether each has.
+    pub(crate) async fn watch(
+        self: Arc<Self>,
+        stopping: CancellationToken,
+        changed: impl Fn(bool, bool),
+    ) {
+        while stopping.run_until_cancelled(sleep(LOOK)).await.is_some() {
+            let looks = Arc::clone(&self);
+            let look = move || (looks.revoked.look(), looks.blocked.look());
+            match tokio::task::spawn_blocking(look).await {
+                Ok((false, false)) => {}
+                Ok((revoked, blocked)) => changed(revoked, blocked),
+                Err(error) => {
+                    log::error!("the lists of tokens and addresses are not read: {error}")
+                }
+            }
+        }
+    }
 }
 
 impl turn_server::Admission for Admission {

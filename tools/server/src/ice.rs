@@ -47,16 +47,17 @@ impl Ice {
     ) -> Result<(Self, Option<Arc<TurnServer>>), ServerError> {
         let stun = config.stun.iter().map(ToString::to_string).collect();
         let key = turn_key(&config.secret);
+        #[cfg(not(feature = "tls"))]
+        let has_tls = false;
+        #[cfg(feature = "tls")]
+        let has_tls = tls.is_some();
         if let Some(at) = &config.turn_at {
             let own = Some(Own {
                 host: at.host.clone().or_else(this_machine),
                 is_elsewhere: at.host.is_some(),
                 port: at.port,
                 key,
-                #[cfg(not(feature = "tls"))]
-                tls: false,
-                #[cfg(feature = "tls")]
-                tls: tls.is_some(),
+                tls: has_tls,
                 server: Weak::new(),
             });
             return Ok((Self { stun, own }, None));
@@ -64,10 +65,6 @@ impl Ice {
         let Some(turn) = &config.turn else {
             return Ok((Self { stun, own: None }, None));
         };
-        #[cfg(not(feature = "tls"))]
-        let has_tls = false;
-        #[cfg(feature = "tls")]
-        let has_tls = tls.is_some();
         let server = Arc::new(turn::start(
             key.clone(),
             turn,

@@ -9,7 +9,6 @@ use crate::metrics::Metrics;
 use crate::packages::Packages;
 #[cfg(feature = "nats")]
 use crate::relay::Relay;
-use crate::reread::LOOK;
 use crate::revoked::Revoked;
 use crate::rooms::{RoomLimits, Rooms};
 use crate::token::now;
@@ -97,7 +96,7 @@ impl Server {
         );
         let (ice, turn) = Ice::start(
             &config,
-            admission,
+            Arc::clone(&admission) as _,
             #[cfg(feature = "tls")]
             tls.clone(),
         )?;
@@ -129,7 +128,18 @@ impl Server {
         let handle = Handle::new();
         let head_within = app.limits.head_within;
         tokio::spawn(housekeep(Arc::downgrade(&app), stopping.clone()));
-        tokio::spawn(look_at_lists(Arc::downgrade(&app), stopping.clone()));
+        let of_lists = Arc::downgrade(&app);
+        tokio::spawn(admission.watch(stopping.clone(), move |revoked, blocked| {
+            let Some(app) = of_lists.upgrade() else {
+                return;
+            };
+            if revoked {
+                app.end_revoked();
+            }
+            if blocked {
+                app.end_blocked();
+            }
+        }));
         let service = router(app).into_make_service_with_connect_info::<SocketAddr>();
         let server = axum_server::from_tcp(listener)
             .map_err(failed)?
@@ -211,30 +221,6 @@ fn ended(result: Result<std::io::Result<()>, JoinError>) -> Result<(), ServerErr
     result
         .unwrap_or_else(|e| Err(std::io::Error::other(e)))
         .map_err(|source| ServerError::Stopped { source })
-}
-
-/// Looks which tokens are revoked and which addresses are blocked, until the server stops.
-async fn look_at_lists(app: std::sync::Weak<App>, stopping: CancellationToken) {
-    loop {
-        tokio::select! {
-            () = stopping.cancelled() => break,
-            () = tokio::time::sleep(LOOK) => {}
-        }
-        let Some(app) = app.upgrade() else { break };
-        let looks = Arc::clone(&app);
-        let look = move || (looks.revoked.look(), looks.blocked.look());
-        match tokio::task::spawn_blocking(look).await {
-            Ok((revoked, blocked)) => {
-                if revoked {
-                    app.end_revoked();
-                }
-                if blocked {
-                    app.end_blocked();
-                }
-            }
-            Err(_) => log::error!("looking which tokens are revoked failed"),
-        }
-    }
 }
 
 /// The server's regular work, until it stops.

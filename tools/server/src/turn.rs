@@ -5,8 +5,6 @@ use crate::admission::Admission;
 #[cfg(feature = "tls")]
 use crate::blocked::Blocked;
 #[cfg(feature = "tls")]
-use crate::reread::LOOK;
-#[cfg(feature = "tls")]
 use crate::revoked::Revoked;
 use crate::{ServerError, TurnConfig};
 #[cfg(feature = "tls")]
@@ -50,11 +48,12 @@ impl Relay {
             .transpose()?;
         let key = crate::token::turn_key(secret);
         let turn = Arc::new(start(key, turn, Arc::clone(&admission) as _, tls)?);
-        tokio::spawn(look_at_lists(
-            Arc::downgrade(&turn),
-            admission,
-            stopping.clone(),
-        ));
+        let of_lists = Arc::downgrade(&turn);
+        tokio::spawn(admission.watch(stopping.clone(), move |_, _| {
+            if let Some(turn) = of_lists.upgrade() {
+                turn.end_refused();
+            }
+        }));
         Ok(Self {
             turn,
             _watching: stopping.drop_guard(),
@@ -65,33 +64,6 @@ impl Relay {
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.turn.address()
-    }
-}
-
-/// Looks which tokens are revoked and which addresses are blocked, until the relay ends.
-#[cfg(feature = "tls")]
-async fn look_at_lists(
-    turn: std::sync::Weak<TurnServer>,
-    admission: Arc<Admission>,
-    stopping: tokio_util::sync::CancellationToken,
-) {
-    loop {
-        tokio::select! {
-            () = stopping.cancelled() => break,
-            () = tokio::time::sleep(LOOK) => {}
-        }
-        let looks = Arc::clone(&admission);
-        // Both are read: no `||`, which would leave the second one out.
-        let look = move || looks.revoked.look() | looks.blocked.look();
-        match tokio::task::spawn_blocking(look).await {
-            Ok(true) => {
-                if let Some(turn) = turn.upgrade() {
-                    turn.end_refused();
-                }
-            }
-            Ok(false) => {}
-            Err(error) => log::error!("the lists of revoked tokens and blocked addresses: {error}"),
-        }
     }
 }
 

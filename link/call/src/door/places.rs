@@ -14,40 +14,50 @@ where
     W: Eq + Hash,
 {
     let (network, who) = newcomer;
-    let all = inside.iter().map(|(network, _)| network);
-    if let Some(largest) = larger(all, network) {
-        let theirs = (inside.iter()).filter(|(network, _)| network == largest);
-        let identity = most(theirs.map(|(_, who)| who))?.0;
-        return newest(inside, |viewer| {
-            viewer.0 == *largest && viewer.1 == *identity
-        });
-    }
-    let near = inside.iter().filter(|(other, _)| other == network);
-    let identity = larger(near.map(|(_, who)| who), who)?;
-    newest(inside, |viewer| {
-        viewer.0 == *network && viewer.1 == *identity
-    })
+    let networks = counts(inside.iter().map(|(network, _)| network));
+    let largest = match larger(&networks, network) {
+        Some(most) => {
+            &newest(inside, |(of, _)| networks.get(of) == Some(&most))?
+                .1
+                .0
+        }
+        None => network,
+    };
+    let keys = counts(
+        inside
+            .iter()
+            .filter_map(|(of, key)| (of == largest).then_some(key)),
+    );
+    let most = if largest == network {
+        larger(&keys, who)?
+    } else {
+        keys.values().copied().max()?
+    };
+    let makes_room = |(of, key): &From<N, W>| of == largest && keys.get(key) == Some(&most);
+    newest(inside, makes_room).map(|(at, _)| at)
 }
 
-/// The group with the most, if it has so many more than `own` that it has no fewer once it has given one away.
-/// Otherwise two would take turns without end.
-fn larger<'a, T: Eq + Hash>(all: impl Iterator<Item = &'a T> + Clone, own: &T) -> Option<&'a T> {
-    let here = all.clone().filter(|other| *other == own).count();
-    let (largest, count) = most(all)?;
-    (here + 1 < count).then_some(largest)
-}
-
-fn most<'a, T: Eq + Hash>(all: impl Iterator<Item = &'a T>) -> Option<(&'a T, usize)> {
-    let mut counts: HashMap<&T, usize> = HashMap::new();
+/// How many there are of each group.
+fn counts<'a, T: Eq + Hash>(all: impl Iterator<Item = &'a T>) -> HashMap<&'a T, usize> {
+    let mut counts = HashMap::new();
     for one in all {
         *counts.entry(one).or_default() += 1;
     }
-    counts.into_iter().max_by_key(|(_, count)| *count)
+    counts
 }
 
-/// Who came last has been there for the shortest time.
-fn newest<T>(inside: &[T], is_one: impl Fn(&T) -> bool) -> Option<usize> {
-    inside.iter().rposition(is_one)
+/// The size of the largest group, if it has so many more than `own` that it has no fewer once it has given one away.
+/// Otherwise two would take turns without end.
+fn larger<T: Eq + Hash>(counts: &HashMap<&T, usize>, own: &T) -> Option<usize> {
+    let here = counts.get(own).copied().unwrap_or(0);
+    let most = counts.values().copied().max()?;
+    (here + 1 < most).then_some(most)
+}
+
+/// The last such viewer, with its number: it has been there for the shortest time, and decides between groups of one
+/// size.
+fn newest<T>(inside: &[T], is_one: impl Fn(&T) -> bool) -> Option<(usize, &T)> {
+    inside.iter().enumerate().rev().find(|(_, one)| is_one(one))
 }
 
 #[cfg(test)]
@@ -68,7 +78,9 @@ mod tests {
         assert_eq!(to_make_room(&keyless, &(1, 0)), None);
         let mixed = [(1, 0), (1, 7), (1, 7), (2, 0), (2, 0)];
         assert_eq!(to_make_room(&mixed, &(3, 0)), Some(2), "network 1, key 7");
-        assert_eq!(to_make_room(&mixed, &(2, 5)), None, "they would take turns");
+        assert_eq!(to_make_room(&mixed, &(2, 5)), Some(4), "network 2, key 0");
+        let even = [(1, 0), (1, 7), (1, 7), (2, 0), (2, 1)];
+        assert_eq!(to_make_room(&even, &(2, 5)), None, "they would take turns");
         let each: Vec<(u8, u8)> = (0..32).map(|network| (network, 0)).collect();
         assert_eq!(to_make_room(&each, &(99, 0)), None);
     }

@@ -46,9 +46,13 @@ impl Seated {
     /// The server, which was asked at `asked`, says that these keys sit in the call now.
     pub(super) fn note(&self, asked: Instant, keys: &[PublicKey]) {
         self.0.send_modify(|seen| {
-            seen.keys
-                .retain(|(key, at)| !keys.contains(key) && asked.duration_since(*at) <= SEATED);
-            seen.keys.extend(keys.iter().map(|key| (*key, asked)));
+            let is_kept = |(key, at): &(PublicKey, Instant)| {
+                !keys.contains(key) && asked.duration_since(*at) <= SEATED
+            };
+            let before = std::mem::take(&mut seen.keys);
+            // Those of now first: keys that come and go push out one another, and no key that sits in the call.
+            seen.keys = keys.iter().map(|key| (*key, asked)).collect();
+            seen.keys.extend(before.into_iter().filter(is_kept));
             seen.keys.truncate(MOST);
             seen.asked = Some(asked);
         });
@@ -100,6 +104,18 @@ mod tests {
         seated.note(over, &[]);
         let left = seated.0.borrow().keys.len();
         assert_eq!(left, 1, "who is gone is forgotten");
+    }
+
+    #[test]
+    fn an_occupant_who_changes_keys_pushes_out_no_key_that_sits_in_the_call() {
+        let seated = Seated::default();
+        let asked = Instant::now();
+        for round in 0..60 {
+            let hers = [2, 3, 4].map(|seat| key(seat + 3 * round));
+            seated.note(asked, &[&hers[..], &[key(1)]].concat());
+            assert!(seated.0.borrow().has(key(1), asked), "after {round}");
+        }
+        assert_eq!(seated.0.borrow().keys.len(), MOST, "bounded");
     }
 
     #[tokio::test]

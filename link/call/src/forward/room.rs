@@ -111,7 +111,7 @@ impl AudienceRoom {
                         if let Err(error) = served.await {
                             log::debug!("a viewer could not join: {error}");
                             // One that has its answer already does not wait for another.
-                            room.refuse(session, Refusal::Link);
+                            room.refuse(session, error.refusal());
                         }
                     });
                 }

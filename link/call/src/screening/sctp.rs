@@ -12,6 +12,9 @@ const WINDOW: i32 = 1_024;
 const UNACKNOWLEDGED: u16 = 256;
 /// Beginnings of an association, repetitions among them.
 const BEGINNINGS: u8 = 16;
+/// Resets of streams and responses to them (RFC 6525), repetitions among them. The library keeps each request, and
+/// answers all of them after each chunk of data.
+const RESETS: u8 = 32;
 
 const COMMON_HEADER: usize = 12;
 const CHUNK_HEADER: usize = 4;
@@ -19,6 +22,8 @@ const CHUNK_HEADER: usize = 4;
 const DATA: u8 = 0;
 const INIT: u8 = 1;
 const SACK: u8 = 3;
+const RE_CONFIG: u8 = 130;
+const FORWARD_TSN: u8 = 192;
 /// The payload protocol of messages that open channels (RFC 8832).
 const DCEP: u32 = 50;
 
@@ -39,6 +44,7 @@ pub(super) struct Association {
     acknowledged: Option<u32>,
     unacknowledged: u16,
     beginnings: u8,
+    resets: u8,
 }
 
 impl Association {
@@ -62,14 +68,9 @@ impl Association {
             };
             let verdict = match kind {
                 DATA => self.verdict_of_data(body),
-                INIT => {
-                    self.beginnings = self.beginnings.saturating_add(1);
-                    if self.beginnings > BEGINNINGS {
-                        Verdict::Dropped
-                    } else {
-                        Verdict::Passes
-                    }
-                }
+                INIT => within(&mut self.beginnings, BEGINNINGS),
+                RE_CONFIG => within(&mut self.resets, RESETS),
+                FORWARD_TSN => self.verdict_of_skip(body),
                 _ => Verdict::Passes,
             };
             if verdict != Verdict::Passes {
@@ -90,19 +91,41 @@ impl Association {
         if protocol == DCEP || ![MOTION_CHANNEL.id, FEEDBACK_CHANNEL.id].contains(&stream) {
             return Verdict::Foreign;
         }
-        let is_near = match self.acknowledged {
-            Some(acknowledged) => number.wrapping_sub(acknowledged).cast_signed() <= WINDOW,
+        let passes = match self.acknowledged {
+            Some(acknowledged) => is_near(acknowledged, number),
             None => {
                 self.unacknowledged = self.unacknowledged.saturating_add(1);
                 self.unacknowledged <= UNACKNOWLEDGED
             }
         };
-        if is_near {
-            Verdict::Passes
-        } else {
-            Verdict::Dropped
-        }
+        Verdict::passes_if(passes)
     }
+
+    /// The other side gives up its data up to a number, to which the library counts one by one. Before the first
+    /// acknowledgement the packet counts as lost: the other side repeats it.
+    fn verdict_of_skip(&self, body: &[u8]) -> Verdict {
+        let numbers = self.acknowledged.zip(number_at(body, 0));
+        Verdict::passes_if(
+            numbers.is_some_and(|(acknowledged, number)| is_near(acknowledged, number)),
+        )
+    }
+}
+
+impl Verdict {
+    fn passes_if(passes: bool) -> Self {
+        if passes { Self::Passes } else { Self::Dropped }
+    }
+}
+
+/// Whether a chunk's number is not far after the acknowledged one.
+fn is_near(acknowledged: u32, number: u32) -> bool {
+    number.wrapping_sub(acknowledged).cast_signed() <= WINDOW
+}
+
+/// Counts one more, of `most`.
+fn within(count: &mut u8, most: u8) -> Verdict {
+    *count = count.saturating_add(1);
+    Verdict::passes_if(*count <= most)
 }
 
 /// The first chunk's kind and body, and what is after it and its padding.

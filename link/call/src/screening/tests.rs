@@ -501,6 +501,8 @@ fn sctp(chunks: &[(u8, Vec<u8>)]) -> Vec<u8> {
 const DATA_CHUNK: u8 = 0;
 const INIT_CHUNK: u8 = 1;
 const SACK_CHUNK: u8 = 3;
+const RE_CONFIG_CHUNK: u8 = 130;
+const FORWARD_TSN_CHUNK: u8 = 192;
 
 fn data(number: u32, stream: u16, protocol: u32) -> (u8, Vec<u8>) {
     let (number, stream) = (number.to_be_bytes(), stream.to_be_bytes());
@@ -562,9 +564,35 @@ fn data_far_after_what_is_missing_do_not_pass() {
 }
 
 #[test]
-fn an_association_begins_a_few_times_at_most() {
+fn an_association_begins_and_resets_streams_a_few_times_at_most() {
+    for (kind, most) in [(INIT_CHUNK, 16), (RE_CONFIG_CHUNK, 32)] {
+        let mut association = Association::default();
+        let packet = sctp(&[(kind, vec![1; 16])]);
+        let passed = (0..500).filter(|_| association.verdict(&packet) == Verdict::Passes);
+        assert_eq!(passed.count(), most, "chunks of type {kind}");
+    }
+}
+
+#[test]
+fn data_are_skipped_only_up_to_a_number_near_the_acknowledged_one() {
+    let skip = |number: u32| sctp(&[(FORWARD_TSN_CHUNK, number.to_be_bytes().into())]);
     let mut association = Association::default();
-    let packet = sctp(&[(INIT_CHUNK, vec![1; 16])]);
-    let passed = (0..500).filter(|_| association.verdict(&packet) == Verdict::Passes);
-    assert_eq!(passed.count(), 16);
+    let first = u32::MAX - 500;
+    assert_eq!(
+        association.verdict(&skip(first)),
+        Verdict::Dropped,
+        "too early"
+    );
+    association.sends(&sack(first));
+    for (verdict, ahead) in [
+        (Verdict::Passes, 1),
+        (Verdict::Passes, 1_024),
+        (Verdict::Dropped, 1_025),
+        (Verdict::Dropped, (1 << 31) - 1),
+    ] {
+        let found = association.verdict(&skip(first.wrapping_add(ahead)));
+        assert_eq!(found, verdict, "{ahead} ahead");
+    }
+    let short = sctp(&[(FORWARD_TSN_CHUNK, vec![0; 3])]);
+    assert_eq!(association.verdict(&short), Verdict::Dropped, "no number");
 }

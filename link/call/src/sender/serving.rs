@@ -153,18 +153,6 @@ impl Shared {
     }
 }
 
-/// What the side that offers is answered where it is not taken. Each offer is: one without an answer keeps a place at
-/// the server for seconds.
-fn refusal(why: &CallError) -> Refusal {
-    match why {
-        CallError::HandedOver => Refusal::Full,
-        // Not the viewer's fault: it may try again.
-        CallError::TooManyViewers | CallError::Random(_) => Refusal::Many,
-        CallError::Refused(refusal) => *refusal,
-        _ => Refusal::Link,
-    }
-}
-
 /// A place, if one is free.
 fn take(places: &Arc<Semaphore>) -> Option<OwnedSemaphorePermit> {
     Arc::clone(places).try_acquire_owned().ok()
@@ -201,7 +189,7 @@ pub(super) async fn serve_viewer(
     let (admitted, mut peer, answer) = match prepared {
         Ok(prepared) => prepared,
         Err(why) => {
-            let answer = refusal(&why).answer();
+            let answer = why.refusal().answer();
             if let Err(error) = shared.client.answer(&room, name, &answer).await {
                 log::debug!("a viewer was not told why it is not taken: {error}");
             }

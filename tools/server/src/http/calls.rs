@@ -2,7 +2,7 @@
 //! it is, and a seat is taken while its presence stream is open.
 
 use super::rooms::{lifetime_within, no_random, random};
-use super::{App, HttpError};
+use super::{App, HttpError, NO_STORE};
 use crate::Id;
 use crate::rooms::{RoomReply, RoomRequest};
 use crate::token::{Claims, Role, now};
@@ -10,15 +10,12 @@ use axum::Json;
 use axum::body::Bytes;
 use axum::extract::rejection::BytesRejection;
 use axum::extract::{Extension, Path, State};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use futures_util::future::join_all;
 use link_protocol::calls::{CallStatus, OpenCall, OpenedCall, Seat, Taken};
 use link_protocol::limits::{MAX_PEOPLE, SEATS_PER_ADDRESS};
 use std::sync::Arc;
-
-const NO_STORE: [(header::HeaderName, HeaderValue); 1] =
-    [(header::CACHE_CONTROL, HeaderValue::from_static("no-store"))];
 
 pub(super) async fn open(
     State(app): State<Arc<App>>,

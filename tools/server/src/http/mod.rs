@@ -24,7 +24,7 @@ use crate::rooms::{RoomReply, RoomRequest, Rooms};
 use crate::{Id, Limits, Secret};
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
-use axum::http::{Method, header};
+use axum::http::{HeaderName, HeaderValue, Method, header};
 use axum::middleware::{from_fn, from_fn_with_state};
 use axum::routing::{get, post, put};
 use error::HttpError;
@@ -39,6 +39,10 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio_util::sync::CancellationToken;
 use tower_http::cors::{Any, CorsLayer};
+
+/// For answers with a token, or about a person.
+const NO_STORE: [(HeaderName, HeaderValue); 1] =
+    [(header::CACHE_CONTROL, HeaderValue::from_static("no-store"))];
 
 /// What the handlers share.
 #[derive(Debug)]

@@ -3,7 +3,7 @@
 use super::guard::{Client, discard};
 use super::member_uploads::MemberUpload;
 use super::rooms::{refused, viewer_of};
-use super::{App, HttpError};
+use super::{App, HttpError, NO_STORE};
 use crate::metrics::UploadRefusal;
 use crate::packages::{ByteRange, Conditions, Owned, Shelf, UploadError};
 use crate::rooms::{RoomReply, RoomRequest};
@@ -263,8 +263,7 @@ pub(super) async fn list(
         most_bytes: app.limits.bytes_per_owner,
         members: in_time(app.packages.owned(Shelf::Members(claims.owner))).await?,
     };
-    let no_store = [(header::CACHE_CONTROL, HeaderValue::from_static("no-store"))];
-    Ok((no_store, Json(list)).into_response())
+    Ok((NO_STORE, Json(list)).into_response())
 }
 
 pub(super) async fn remove(

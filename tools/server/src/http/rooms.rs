@@ -2,18 +2,18 @@
 
 use super::guard::Client;
 use super::senders_room::RoomHere;
-use super::{App, HttpError};
+use super::{App, HttpError, NO_STORE};
 use crate::forwarding::{HandedOver, SendersRoom};
 use crate::metrics::OfferRefusal;
 use crate::rooms::{RoomReply, RoomRequest};
 use crate::token::{Claims, Role, now};
 use crate::{Id, ServerError};
+use axum::Json;
 use axum::body::Bytes;
 use axum::extract::rejection::BytesRejection;
 use axum::extract::{Extension, Path, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use axum::{Json, http::HeaderValue};
 use link_protocol::Refusal;
 use link_protocol::limits::DEFAULT_ROOM_LIFETIME;
 use link_protocol::rooms::{OpenRoom, OpenedRoom, RoomStatus, SDP_MEDIA_TYPE, ViewerToken};
@@ -39,8 +39,7 @@ pub(super) async fn open(
         viewer_token: token(Role::Viewer)?,
         expires,
     };
-    let no_store = [(header::CACHE_CONTROL, HeaderValue::from_static("no-store"))];
-    Ok((StatusCode::CREATED, no_store, Json(opened)).into_response())
+    Ok((StatusCode::CREATED, NO_STORE, Json(opened)).into_response())
 }
 
 /// One more viewer's token, which the sender can revoke by itself.
@@ -64,8 +63,7 @@ pub(super) async fn add_viewer(
         viewer_token,
         expires,
     };
-    let no_store = [(header::CACHE_CONTROL, HeaderValue::from_static("no-store"))];
-    Ok((StatusCode::CREATED, no_store, Json(added)).into_response())
+    Ok((StatusCode::CREATED, NO_STORE, Json(added)).into_response())
 }
 
 /// A new token, made with `other`: its name and its text.
@@ -118,12 +116,11 @@ pub(super) async fn status(
     let viewer = viewer_of(&claims);
     match app.ask(room, RoomRequest::Announcement { viewer }).await {
         RoomReply::Announcement { announcement, .. } => {
-            let no_store = [(header::CACHE_CONTROL, HeaderValue::from_static("no-store"))];
             let status = RoomStatus {
                 announcement,
                 ice_servers: app.ice.servers(&headers, &claims),
             };
-            Ok((no_store, Json(status)).into_response())
+            Ok((NO_STORE, Json(status)).into_response())
         }
         other => Err(refused(&other)),
     }
