@@ -104,8 +104,17 @@ mod tests {
         assert!(eve[0].try_recv().is_err_and(|it| it == closed()), "oldest");
         let mut forwarder = waiting.begin(id(6), None).expect("room is made");
         assert!(eve[1].try_recv().is_err_and(|it| it == closed()), "next");
-        // Two, one and one: a third network has no better right than the second one of hers.
-        assert!(waiting.begin(id(7), Some(id(102))).is_none());
+        // Two, one and one: hers keeps one, as each network does.
+        assert!(waiting.begin(id(7), Some(id(102))).is_some(), "a third one");
+        assert!(
+            eve[2].try_recv().is_err_and(|it| it == closed()),
+            "her third"
+        );
+        // One each: a fourth network has no better right than any of them.
+        assert!(
+            waiting.begin(id(9), Some(id(103))).is_none(),
+            "a fourth one"
+        );
         let answer = waiting.end(id(5)).expect("he waits");
         answer.send("v=0".to_owned()).expect("he listens");
         assert_eq!(bob.try_recv().as_deref(), Ok("v=0"));
