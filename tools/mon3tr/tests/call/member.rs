@@ -2,7 +2,7 @@
 
 use crate::house::{House, wait_for};
 use identity::Identity;
-use link_call::{Authentication, CallError, Credentials, Door, Sender, Viewer};
+use link_call::{Authentication, CallError, Credentials, Door, Sender, Viewer, membership};
 use link_codec::Codec;
 use link_http::Client;
 use link_playout::Clock;
@@ -10,6 +10,8 @@ use link_protocol::announcement::{AvatarRef, ChannelMode};
 use link_protocol::calls::{CallStatus, EnterRoom};
 use link_protocol::{Announcement, CallLink, Name};
 use link_voice::VoiceQueue;
+use std::time::{Duration, Instant};
+use tokio::time::sleep;
 
 /// Someone with a key, and maybe with a seat.
 pub(crate) struct Member<'a> {
@@ -30,7 +32,8 @@ impl<'a> Member<'a> {
         }
     }
 
-    /// Takes a seat as `occupant`, with the avatar that another member has put.
+    /// Takes a seat as `occupant`, with the avatar that another member has put, and answers the keys that sit in the
+    /// call from then on.
     pub(crate) fn sits(&self, occupant: &str) -> Result<Sender, CallError> {
         let announcement = Announcement {
             avatar: AvatarRef::of_file(&self.house.avatar).expect("the package"),
@@ -44,14 +47,28 @@ impl<'a> Member<'a> {
         };
         let client = Client::new(None).expect("a client");
         let own = Some(self.own.clone());
-        self.house.runtime.block_on(Sender::enter_call(
-            client,
+        let door = Door::default();
+        let sender = self.house.runtime.block_on(Sender::enter_call(
+            client.clone(),
             self.link.clone(),
             entering,
             own,
-            Door::default(),
+            door.clone(),
             self.clock,
-        ))
+        ))?;
+        let link = self.link.clone();
+        self.house.runtime.spawn(async move {
+            loop {
+                let asked = Instant::now();
+                if let Ok(status) = client.call_status(&link).await {
+                    let taken = status.seats.iter().filter_map(|seat| seat.taken.as_ref());
+                    let keys = taken.filter_map(|taken| membership::key_of(&link, taken).ok()?);
+                    door.seat_members(asked, &keys.collect::<Vec<_>>());
+                }
+                sleep(Duration::from_millis(200)).await;
+            }
+        });
+        Ok(sender)
     }
 
     /// Wants to see whoever sits there, with one's own key.
