@@ -108,7 +108,8 @@ impl Credentials {
     fn lines(&self, purpose: Purpose, text: &str) -> String {
         let signed = self.identity.sign_as_text(purpose, text.as_bytes());
         let mut lines = format!("{KEY_LINE}{signed}\r\n");
-        if let Some(permit) = self.permit.filter(|_| purpose != Purpose::Viewer) {
+        let drives = matches!(purpose, Purpose::Sender | Purpose::Seal);
+        if let Some(permit) = self.permit.filter(|_| drives) {
             lines.push_str(&format!("{PERMIT_LINE}{permit}\r\n"));
         }
         if let Some(name) = self.name.as_ref().filter(|_| purpose == Purpose::Sender) {

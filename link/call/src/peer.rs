@@ -104,6 +104,7 @@ pub(crate) struct Peer {
     relay: Option<Relay>,
     /// Whether it is bound to the machine's loopback.
     is_local: bool,
+    screening: Screening,
     /// The other side's certificate, as it signed it; nothing before its description is taken.
     signed: Option<Fingerprints>,
     /// While packets may go by it.
@@ -285,12 +286,15 @@ impl Peer {
             nudge,
             relay: plan.relay,
             is_local,
+            screening,
             signed: None,
         })
     }
 
     /// Takes `description` for this side's own and returns it with all candidates.
     async fn describe(&mut self, description: RTCSessionDescription) -> Result<String, CallError> {
+        let described = Description::read(&description.sdp)?;
+        self.screening.describe(described.ice_name()?);
         self.connection.set_local_description(description).await?;
         // After the timeout the candidates gathered so far are offered.
         let (relay, mut gathered) = (self.relay.is_some(), self.gathered.clone());

@@ -119,8 +119,9 @@ impl Known {
             Some((known, scope, since)) if known == server && since.elapsed() < HOLDS => *scope,
             _ => {
                 let scope = Scope::of_server(server).await;
-                self.nearest = Some((server.clone(), scope, Instant::now()));
-                scope
+                self.nearest = scope.map(|scope| (server.clone(), scope, Instant::now()));
+                // One that is found only by a proxy is on the internet.
+                scope.unwrap_or(Scope::Internet)
             }
         }
     }

@@ -83,7 +83,7 @@ impl Reach {
         others: &[IceUrl],
     ) -> Result<Self, CallError> {
         let told = servers.as_slice().iter().flat_map(IceServer::addresses);
-        let nearest = Scope::of_server(server).await;
+        let nearest = Scope::of_server(server).await.unwrap_or(Scope::Internet);
         let told = told.filter(|url| url.kind == IceKind::Stun);
         let mut urls: Vec<_> = told.map(|url| (url, nearest)).collect();
         urls.extend(others.iter().map(|url| (url.clone(), Scope::Machine)));

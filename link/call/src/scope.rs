@@ -62,15 +62,13 @@ impl Scope {
         }
     }
 
-    /// That of a server: it may name what is as near as the nearest of its own addresses, or farther.
-    pub(crate) async fn of_server(server: &ServerUrl) -> Self {
-        let Some((host, port)) = server.place() else {
-            return Self::Internet;
-        };
+    /// That of a server: it may name what is as near as the farthest of its own addresses, or farther. Whoever names a
+    /// server chooses its addresses, so one that is near says nothing. Nothing if no address was found.
+    pub(crate) async fn of_server(server: &ServerUrl) -> Option<Self> {
+        let (host, port) = server.place()?;
         let found = resolve(&host, port, Self::Machine).await;
         let scopes = found.iter().filter_map(|address| Self::of(address.ip()));
-        // One that is found only by a proxy is on the internet.
-        scopes.min().unwrap_or(Self::Internet)
+        scopes.max()
     }
 }
 
@@ -146,8 +144,11 @@ mod tests {
             ("http://192.168.1.7", Scope::Network),
             ("https://203.0.113.5/prefix", Scope::Internet),
         ] {
-            assert_eq!(Scope::of_server(&server(text)).await, scope, "{text}");
+            let found = Scope::of_server(&server(text)).await;
+            assert_eq!(found, Some(scope), "{text}");
         }
+        let nowhere = Scope::of_server(&server("http://server.invalid")).await;
+        assert_eq!(nowhere, None);
         let found = async |host: &str, nearest| resolve(host, 3478, nearest).await.len();
         for host in [
             "127.0.0.1",

@@ -24,11 +24,19 @@ use tokio::task::JoinHandle;
 /// Between two questions who is there; a viewer's offer asks at once.
 const PAUSE: Duration = Duration::from_millis(500);
 
+/// The shortest time between two questions: whoever offers again and again has nobody ask all the time.
+const ASKED_APART: Duration = Duration::from_millis(200);
+
 /// Between two looks at what is told of people.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// A person whose seat is free and of whom nothing has come for so long is gone: without the server a call goes on.
 const SILENCE: Duration = Duration::from_secs(5);
+
+/// A person who watches this side is reported if they do not answer its own offers for so long, or if nothing of them is
+/// here so long after they sat down.
+const UNANSWERED: Duration = Duration::from_secs(3);
+const HIDDEN: Duration = Duration::from_secs(15);
 
 /// After a goodbye the seat may seem taken for so long.
 const FAREWELL: Duration = Duration::from_secs(3);
@@ -150,8 +158,9 @@ impl Roster<'_> {
         let mut opener = Opener::of(&self);
         std::thread::scope(|scope| {
             while !self.stop.load(Relaxed) {
-                let is_time = asked.is_none_or(|asked| asked.elapsed() >= PAUSE);
-                if asking.is_none() && (is_time || self.is_offered()) {
+                let since = asked.map_or(PAUSE, |asked| asked.elapsed());
+                let is_offered = || since >= ASKED_APART && self.is_offered();
+                if asking.is_none() && (since >= PAUSE || is_offered()) {
                     asked = Some(Instant::now());
                     asking = Some(self.ask());
                 }
@@ -290,7 +299,6 @@ impl Roster<'_> {
                 if let Some(person) = known {
                     person.is_seated = false;
                 }
-                seats.unproved.remove(&seat.room);
                 continue;
             };
             if let Some(person) = known {
@@ -375,17 +383,39 @@ impl Roster<'_> {
         true
     }
 
+    /// Tells who has joined, once their name is known.
+    fn introduce(&self, person: &mut Known, acquaintances: &mut Acquaintances) {
+        person.is_introduced = true;
+        let is_theirs = |member: &&mut Member| member.watch.is_same(&person.watch);
+        if let Some(member) = self.members.lock().iter_mut().find(is_theirs) {
+            member.name.clone_from(&person.name);
+        }
+        (self.tell)(&format!("{} has joined", person.name));
+        (self.tell)(&self.introduction(person, acquaintances));
+        if let Some(many) = acquaintances.many_new() {
+            (self.tell)(&many.to_string());
+        }
+    }
+
+    /// Tells, once, of a person who sees and hears this side and does not let it see them.
+    fn warn_of_hidden(&self, person: &mut Known) {
+        let hides = person.since.elapsed() > HIDDEN
+            || person
+                .joined
+                .is_some_and(|joined| joined.elapsed() > UNANSWERED);
+        if !hides || person.is_warned_of || !self.door.has_inside(person.key) {
+            return;
+        }
+        person.is_warned_of = true;
+        let (name, key) = (&person.name, person.key.fingerprint());
+        (self.tell)(&format!(
+            "careful: {name} sees and hears you, and does not answer, so that you neither see nor hear them; `x {key}` sends them away"
+        ));
+    }
+
     /// Who a person is by their key, in a line.
-    fn introduction(
-        &self,
-        person: &Known,
-        key: Option<PublicKey>,
-        acquaintances: &mut Acquaintances,
-    ) -> String {
-        let name = &person.name;
-        let Some(key) = key else {
-            return format!("{name} shows no key: who they are is not known");
-        };
+    fn introduction(&self, person: &Known, acquaintances: &mut Acquaintances) -> String {
+        let (name, key) = (&person.name, person.key);
         let shown = key.fingerprint();
         let opened = if self.link.key() == Some(key.hash()) {
             ", who opened the call"
@@ -454,27 +484,22 @@ impl Roster<'_> {
             if self.door.has_removed(person.key) {
                 person.watch.leave();
             }
-            if let (false, Some(key)) = (person.is_introduced, person.watch.key()) {
-                if key != Some(person.key) {
-                    log::warn!(
-                        "{} shows another key than the one that sits there: they are not met",
+            match person.watch.key() {
+                Some(_) if person.is_introduced || person.watch.is_over() => {}
+                Some(Some(key)) if key == person.key => {
+                    let theirs = person.watch.person();
+                    person.name = called(theirs.as_ref(), person.number, &signed);
+                    signed.extend(theirs);
+                    self.introduce(person, acquaintances);
+                }
+                Some(_) => {
+                    (self.tell)(&format!(
+                        "careful: {} shows another key than the one that sits there, and is not shown",
                         person.name
-                    );
+                    ));
                     person.watch.leave();
                 }
-                person.is_introduced = true;
-                let theirs = person.watch.person();
-                person.name = called(theirs.as_ref(), person.number, &signed);
-                signed.extend(theirs);
-                let is_theirs = |member: &&mut Member| member.watch.is_same(&person.watch);
-                if let Some(member) = self.members.lock().iter_mut().find(is_theirs) {
-                    member.name.clone_from(&person.name);
-                }
-                (self.tell)(&format!("{} has joined", person.name));
-                (self.tell)(&self.introduction(person, key, acquaintances));
-                if let Some(many) = acquaintances.many_new() {
-                    (self.tell)(&many.to_string());
-                }
+                None => self.warn_of_hidden(person),
             }
             let (state, (before, told_at)) = (person.watch.state(), person.state);
             if state != before && told_at.is_none_or(|at| at.elapsed() >= TOLD_APART) {

@@ -27,10 +27,14 @@ pub(crate) struct Known {
     /// Their key, as they prove it to all members.
     pub(crate) key: PublicKey,
     pub(crate) watch: CallWatch,
+    /// When they were seen there first.
+    pub(crate) since: Instant,
     /// When they were handed over.
     pub(crate) joined: Option<Instant>,
     /// Whether it was told who they are by their key.
     pub(crate) is_introduced: bool,
+    /// Whether it was told that they watch without being shown.
+    pub(crate) is_warned_of: bool,
     /// What was told last, and when.
     pub(crate) state: (PersonState, Option<Instant>),
     /// When bytes came last, and how many there were.
@@ -50,8 +54,10 @@ impl Known {
             taken,
             key,
             watch,
+            since: Instant::now(),
             joined: None,
             is_introduced: false,
+            is_warned_of: false,
             state: (PersonState::default(), None),
             heard: (Instant::now(), 0),
             is_seated: true,

@@ -139,7 +139,7 @@ impl Doorkeeper {
         let is_number = rest.trim().parse::<u32>().is_ok();
         match word.to_ascii_lowercase().as_str() {
             "l" | "lock" if rest.is_empty() => self.obey(line),
-            "a" | "admit" | "x" | "remove" if is_number => self.obey(line),
+            "a" | "admit" if is_number => self.obey(line),
             "x" | "remove" if !rest.is_empty() => self.remove_member(rest.trim(), keys),
             _ => return false,
         }

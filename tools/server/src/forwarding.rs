@@ -26,6 +26,8 @@ pub struct HandedOver {
     pub session: Name,
     /// Its SDP.
     pub offer: String,
+    /// What the room calls its network, by which places are shared.
+    pub network: Name,
 }
 
 /// The room of a sender on this instance or another one, as the server's own forwarder sees it.

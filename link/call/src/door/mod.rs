@@ -181,11 +181,19 @@ impl Door {
         self.locked().rules.removed.contains(&Who::Key(key))
     }
 
-    /// Whether this viewer's key sits in the call, as far as the server says that is asked from now on.
-    pub(crate) async fn is_seated(&self, visitor: &Visitor) -> bool {
+    /// Whether a viewer with this key is inside.
+    #[must_use]
+    pub fn has_inside(&self, key: PublicKey) -> bool {
+        let is_theirs = |inside: &Inside| inside.visitor.key == Some(key);
+        self.locked().inside.iter().any(is_theirs)
+    }
+
+    /// Whether this viewer's key sits in the call, as the server says that is asked from now on; nothing if it does not
+    /// answer.
+    pub(crate) async fn is_seated(&self, visitor: &Visitor) -> Option<bool> {
         match visitor.key {
             Some(key) => self.0.seated.has_or_will(key).await,
-            None => false,
+            None => Some(false),
         }
     }
 

@@ -13,6 +13,10 @@ const SEATED: Duration = SEAT_KEPT;
 /// For the server to say who sits in the call: less than a viewer waits for its answer.
 const ASKED_WITHIN: Duration = Duration::from_secs(3);
 
+/// Time between two answers of the server, beyond which it counts for no key: while the server cannot be reached,
+/// members cannot show that they are in the call, and they come back one after another.
+const UNANSWERED: Duration = Duration::from_secs(2);
+
 /// More seats than any call has, and those whose occupants have just changed.
 const MOST: usize = 64;
 
@@ -46,10 +50,19 @@ impl Seated {
     /// The server, which was asked at `asked`, says that these keys sit in the call now.
     pub(super) fn note(&self, asked: Instant, keys: &[PublicKey]) {
         self.0.send_modify(|seen| {
+            let gap = seen
+                .asked
+                .map_or(Duration::ZERO, |last| asked.duration_since(last));
+            let unanswered = if gap > UNANSWERED {
+                gap
+            } else {
+                Duration::ZERO
+            };
             let is_kept = |(key, at): &(PublicKey, Instant)| {
                 !keys.contains(key) && asked.duration_since(*at) <= SEATED
             };
-            let before = std::mem::take(&mut seen.keys);
+            let mut before = std::mem::take(&mut seen.keys);
+            before.iter_mut().for_each(|(_, at)| *at += unanswered);
             // Those of now first: keys that come and go push out one another, and no key that sits in the call.
             seen.keys = keys.iter().map(|key| (*key, asked)).collect();
             seen.keys.extend(before.into_iter().filter(is_kept));
@@ -63,19 +76,20 @@ impl Seated {
         self.0.borrow().has(key, Instant::now())
     }
 
-    /// The same for one that may have sat down just now: as the server says that is asked from now on.
-    pub(super) async fn has_or_will(&self, key: PublicKey) -> bool {
+    /// The same for one that may have sat down just now: as the server says that is asked from now on. Nothing if it
+    /// does not answer in time.
+    pub(super) async fn has_or_will(&self, key: PublicKey) -> Option<bool> {
         let since = Instant::now();
         let mut seen = self.0.subscribe();
         let is_answered = |seen: &Seen| {
             seen.has(key, Instant::now()) || seen.asked.is_some_and(|asked| asked >= since)
         };
         // Not by what `wait_for` returns, which holds a lock.
-        let _ = timeout(ASKED_WITHIN, async {
+        let answered = timeout(ASKED_WITHIN, async {
             seen.wait_for(is_answered).await.map(|_| ())
-        })
-        .await;
-        self.has(key)
+        });
+        let is_answered = matches!(answered.await, Ok(Ok(())));
+        is_answered.then(|| self.has(key))
     }
 }
 
@@ -98,12 +112,26 @@ mod tests {
         let sits = |number, at| seated.0.borrow().has(key(number), at);
         seated.note(begun, &[key(1), key(2)]);
         assert!(sits(1, begun) && sits(2, begun) && !sits(3, begun));
-        seated.note(last, &[key(2)]);
+        for second in 1..=10 {
+            seated.note(begun + Duration::from_secs(second), &[key(2)]);
+        }
         assert!(sits(1, last), "for as long as the server keeps a seat");
         assert!(!sits(1, over) && sits(2, over));
         seated.note(over, &[]);
         let left = seated.0.borrow().keys.len();
         assert_eq!(left, 1, "who is gone is forgotten");
+    }
+
+    #[test]
+    fn time_in_which_the_server_does_not_answer_counts_for_no_key() {
+        let seated = Seated::default();
+        let begun = Instant::now();
+        seated.note(begun, &[key(1), key(2)]);
+        let back = begun + Duration::from_secs(60);
+        seated.note(back, &[key(2)]);
+        let sits = |number, at| seated.0.borrow().has(key(number), at);
+        assert!(sits(1, back + SEATED), "the member is not back yet");
+        assert!(!sits(1, back + SEATED + Duration::from_millis(1)));
     }
 
     #[test]
@@ -132,10 +160,16 @@ mod tests {
                 seated.note(Instant::now(), &[key(1)]);
             }
         );
-        assert!(
+        assert_eq!(
             bob,
+            Some(true),
             "the answer to the earlier question says nothing of him"
         );
-        assert!(!eve, "she sits nowhere");
+        assert_eq!(eve, Some(false), "she sits nowhere");
+    }
+
+    #[tokio::test]
+    async fn a_server_that_does_not_answer_refuses_nobody_for_good() {
+        assert_eq!(Seated::default().has_or_will(key(1)).await, None);
     }
 }

@@ -104,7 +104,8 @@ impl Halls {
         }
     }
 
-    /// Takes a viewer of this room, whom the sender hands over: the answer to its offer. In tasks of the current tokio runtime.
+    /// Takes a viewer of this room and `network`, whom the sender hands over: the answer to its offer. In tasks of the
+    /// current tokio runtime.
     ///
     /// # Errors
     /// [`CallError::TooManyViewers`], [`CallError::SenderAbsent`], or if no connection can be made of the offer.
@@ -113,6 +114,7 @@ impl Halls {
         room: Arc<dyn Signaling>,
         session: Name,
         offer: String,
+        network: Name,
     ) -> Result<String, CallError> {
         let offer = Description::read(&offer)?;
         let status = room.status().await?;
@@ -147,7 +149,7 @@ impl Halls {
             }
             let place = hall.stage.place().ok_or(CallError::TooManyViewers)?;
             hall.leaving.retain(|_, leave| !leave.is_closed());
-            if let Some(oldest) = hall.opening.begin(&session, None) {
+            if let Some(oldest) = hall.opening.begin(&session, Some(&network)) {
                 hall.leaving.remove(&oldest);
             }
             let (leave, left) = watch::channel(false);

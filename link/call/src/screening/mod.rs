@@ -64,6 +64,11 @@ impl Screening {
         }))
     }
 
+    /// This side describes its connection by this ICE user fragment: before it is described, no request is genuine.
+    pub(crate) fn describe(&self, fragment: &str) {
+        self.screen().describe(fragment);
+    }
+
     /// This side sends this SCTP packet.
     fn seals(&self, packet: &[u8]) {
         self.screen().association.sends(packet);

@@ -1,6 +1,7 @@
 //! The rules, over both directions of a connection's datagrams:
 //!
-//! - STUN passes from every source: the library checks it by the connection's password. A request of a source that has
+//! - STUN passes from every source: the library checks it by the connection's password, but resolves role conflicts
+//!   before that, so requests have to name the connection, which only signaling tells. A request of a source that has
 //!   not been answered passes while fewer than [`MOST`] have: each becomes a candidate, to which this side sends.
 //! - Of TURN, data passes only from a server at which this side asks for an allocation, and is then screened as the
 //!   peer's.
@@ -51,6 +52,8 @@ struct Channel {
 #[derive(Debug, Default)]
 pub(super) struct Screen {
     is_closed: bool,
+    /// This side's ICE user fragment.
+    fragment: Vec<u8>,
     peers: Vec<Place>,
     relays: Vec<SocketAddr>,
     channels: Vec<Channel>,
@@ -63,6 +66,11 @@ pub(super) struct Screen {
 impl Screen {
     pub(super) fn close(&mut self) {
         self.is_closed = true;
+    }
+
+    /// This side describes its connection by this ICE user fragment.
+    pub(super) fn describe(&mut self, fragment: &str) {
+        self.fragment = fragment.into();
     }
 
     /// This side sends a datagram from one of its sockets.
@@ -148,7 +156,9 @@ impl Screen {
         };
         let is_known = self.peers.contains(&from);
         if STUN.contains(first) {
-            is_known || self.peers.len() < MOST || stun::kind(packet) != Kind::BindingRequest
+            stun::kind(packet) != Kind::BindingRequest
+                || stun::checked_fragment(packet) == Some(&self.fragment)
+                    && (is_known || self.peers.len() < MOST)
         } else if DTLS.contains(first) {
             is_known && self.records.admits(packet)
         } else if RTP.contains(first) {

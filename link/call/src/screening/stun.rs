@@ -6,6 +6,7 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 const HEADER: usize = 20;
 const COOKIE: u32 = 0x2112_A442;
 
+const USERNAME: u16 = 0x0006;
 const CHANNEL_NUMBER: u16 = 0x000C;
 const XOR_PEER_ADDRESS: u16 = 0x0012;
 const DATA: u16 = 0x0013;
@@ -38,6 +39,12 @@ pub(super) fn kind(datagram: &[u8]) -> Kind {
 /// The peer of a TURN message, and what it sends or has sent.
 pub(super) fn relayed(message: &[u8]) -> Option<(SocketAddr, &[u8])> {
     Some((peer(message)?, attribute(message, DATA)?))
+}
+
+/// The user fragment of the side that a check is for (RFC 8445, section 7.2.2).
+pub(super) fn checked_fragment(request: &[u8]) -> Option<&[u8]> {
+    let name = attribute(request, USERNAME)?;
+    name.split(|byte| *byte == b':').next()
 }
 
 /// The channel that a message binds, and the peer that it is for.

@@ -107,9 +107,24 @@ fn rtcp(ssrc: u32) -> Vec<u8> {
     packet
 }
 
+/// A check of the connection that is described by [`NAME`].
+fn check() -> Vec<u8> {
+    stun(REQUEST, &[(0x0006, b"here:there")])
+}
+
+/// This side's ICE user fragment.
+const NAME: &str = "here";
+
+/// The screen of a connection that is described.
+fn described() -> Screen {
+    let mut screen = Screen::default();
+    screen.describe(NAME);
+    screen
+}
+
 /// A screen that has answered the peer's check.
 fn connected() -> Screen {
-    let mut screen = Screen::default();
+    let mut screen = described();
     screen.sends(HERE, peer(), &stun(SUCCESS, &[]));
     screen
 }
@@ -127,9 +142,14 @@ fn only_stun_passes_from_sources_that_this_side_has_not_answered() {
         assert!(screen.admits(HERE, peer(), packet), "{packet:?}");
         assert!(!screen.admits(HERE, stranger(), packet), "{packet:?}");
     }
-    for kind in [REQUEST, SUCCESS, ROLE_CONFLICT] {
-        assert!(screen.admits(HERE, stranger(), &stun(kind, &[])), "{kind}");
+    for packet in [check(), stun(SUCCESS, &[]), stun(ROLE_CONFLICT, &[])] {
+        assert!(screen.admits(HERE, stranger(), &packet), "{packet:?}");
     }
+    for name in ["hers:there", "her:there", "heres", ""] {
+        let other = stun(REQUEST, &[(0x0006, name.as_bytes())]);
+        assert!(!screen.admits(HERE, peer(), &other), "{name}");
+    }
+    assert!(!screen.admits(HERE, peer(), &stun(REQUEST, &[])), "unnamed");
     // A request of this side, or a refusal, makes no source known.
     for kind in [REQUEST, ROLE_CONFLICT] {
         screen.sends(HERE, stranger(), &stun(kind, &[]));
@@ -155,9 +175,9 @@ fn datagrams_of_no_protocol_pass_from_no_source() {
 
 #[test]
 fn no_more_than_64_addresses_of_the_other_side_become_candidates() {
-    let mut screen = Screen::default();
+    let mut screen = described();
     let address = |port: u16| SocketAddr::from(([192, 0, 2, 9], port));
-    let request = stun(REQUEST, &[]);
+    let request = check();
     for port in 1..=64 {
         assert!(screen.admits(HERE, address(port), &request), "{port}");
         screen.sends(HERE, address(port), &stun(SUCCESS, &[]));
@@ -172,13 +192,13 @@ fn no_more_than_64_addresses_of_the_other_side_become_candidates() {
 
 #[test]
 fn relayed_data_passes_only_from_a_server_with_an_allocation_and_only_of_the_peer() {
-    let mut screen = Screen::default();
+    let mut screen = described();
     let data = application_data();
     let from_peer = indication(DATA, peer(), &data);
     assert!(!screen.admits(HERE, relay(), &from_peer), "no allocation");
     screen.sends(HERE, relay(), &stun(ALLOCATE, &[]));
     assert!(!screen.admits(HERE, relay(), &from_peer), "no known peer");
-    let check = indication(DATA, peer(), &stun(REQUEST, &[]));
+    let check = indication(DATA, peer(), &check());
     assert!(screen.admits(HERE, relay(), &check), "its check");
     screen.sends(
         HERE,
@@ -429,7 +449,7 @@ fn a_connection_has_16_ssrcs_of_each_kind() {
 fn a_closed_screen_passes_nothing() {
     let mut screen = connected();
     screen.close();
-    for packet in [stun(REQUEST, &[]), application_data(), rtp(1)] {
+    for packet in [check(), application_data(), rtp(1)] {
         assert!(!screen.admits(HERE, peer(), &packet));
     }
 }

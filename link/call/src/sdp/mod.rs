@@ -214,6 +214,15 @@ impl Description {
         named.ok_or(NO_FINGERPRINT)
     }
 
+    /// The side's ICE user fragment.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub(crate) fn ice_name(&self) -> Result<&str, SdpError> {
+        let name = self.ice_name.as_deref();
+        name.ok_or(SdpError::Lacks("ICE's user fragment"))
+    }
+
     /// What the WebRTC library gets, with these of the candidates.
     ///
     /// # Errors
@@ -223,9 +232,8 @@ impl Description {
         candidates: impl IntoIterator<Item = &'a Candidate>,
     ) -> Result<String, SdpError> {
         let hash = self.fingerprints.sha_256().ok_or(NO_FINGERPRINT)?;
-        let (Some(name), Some(password)) = (&self.ice_name, &self.ice_password) else {
-            return Err(SdpError::Lacks("ICE's name and password"));
-        };
+        let name = self.ice_name()?;
+        let password = (self.ice_password.as_ref()).ok_or(SdpError::Lacks("ICE's password"))?;
         let setup = self.setup.as_ref().ok_or(SdpError::Lacks("a DTLS role"))?;
         let mut data = self
             .parts

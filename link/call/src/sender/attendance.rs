@@ -121,6 +121,10 @@ impl Attendance {
                     "the server has this avatar no longer ({error}): calls go on, but no other viewer can join; leave, and come back, which puts it there again"
                 );
             }
+            CallError::Http(error) if error.is_final() && !self.is_told => {
+                self.is_told = true;
+                log::warn!("{error}: calls go on, but no other viewer can join");
+            }
             error => log::debug!("not in the room: {error}"),
         }
     }

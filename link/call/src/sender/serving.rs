@@ -103,8 +103,13 @@ impl Shared {
         }
         let own = self.credentials.as_ref();
         let (visitor, offer_read) = introduction::check_viewer(own, room, &offer.sdp)?;
-        if room.is_seat() && !self.door.is_seated(&visitor).await {
-            return Err(CallError::Refused(Refusal::Seat));
+        if room.is_seat() {
+            match self.door.is_seated(&visitor).await {
+                Some(true) => {}
+                Some(false) => return Err(CallError::Refused(Refusal::Seat)),
+                // The server does not answer, which is not the viewer's fault.
+                None => return Err(CallError::TooManyViewers),
+            }
         }
         (self.door)
             .knock(&visitor, offer.token.as_ref(), crate::now())
@@ -151,6 +156,14 @@ impl Shared {
         let answer = introduction::introduce_sender(own, room, self.avatar, offer, &answer)?;
         Ok((admitted, peer, answer))
     }
+
+    /// Answers a viewer that is not taken.
+    async fn refuse(&self, room: &RoomLink, name: &Name, refusal: Refusal) {
+        log::debug!("a viewer is refused: {refusal:?}");
+        if let Err(error) = self.client.answer(room, name, &refusal.answer()).await {
+            log::debug!("a viewer was not told why it is not taken: {error}");
+        }
+    }
 }
 
 /// A place, if one is free.
@@ -183,30 +196,23 @@ pub(super) async fn serve_viewer(
     let relay = plan.relay.clone();
     let prepared = tokio::select! {
         prepared = shared.prepare(&room, name, &offer, plan) => prepared,
-        // It makes room for newer offers, or has gone.
-        () = is_set(&mut left) => Err(CallError::TooManyViewers),
+        // It has left, or makes room for newer offers.
+        () = is_set(&mut left) => {
+            shared.refuse(&room, name, Refusal::Many).await;
+            return Ok(());
+        }
     };
     let (admitted, mut peer, answer) = match prepared {
         Ok(prepared) => prepared,
         Err(why) => {
-            let answer = why.refusal().answer();
-            if let Err(error) = shared.client.answer(&room, name, &answer).await {
-                log::debug!("a viewer was not told why it is not taken: {error}");
-            }
+            shared.refuse(&room, name, why.refusal()).await;
             return match why {
                 // The performer has nothing to do about it.
-                CallError::HandedOver => {
-                    log::debug!("a viewer is handed over to the server");
-                    Ok(())
-                }
-                // They are told, and so is the performer, at the door.
-                CallError::Refused(refusal)
-                    if !matches!(refusal, Refusal::Link | Refusal::Seat) =>
-                {
-                    log::debug!("a viewer is refused: {refusal:?}");
-                    Ok(())
-                }
+                CallError::HandedOver => Ok(()),
                 CallError::Refused(Refusal::Seat) => Err(CallError::NotSeated),
+                CallError::Refused(Refusal::Link) => Err(why),
+                // They are told, and so is the performer, at the door.
+                CallError::Refused(_) => Ok(()),
                 why => Err(why),
             };
         }

@@ -138,12 +138,13 @@ pub(super) async fn join(
     let sdp = sdp(&headers, body)?;
     let session = random()?;
     let offer = app.forwarding.is_some().then(|| sdp.clone());
+    let network = app.secret.network(room, client.address());
     let request = RoomRequest::Offer {
         session,
         sdp,
         forwards: false,
         viewer: viewer_of(&claims),
-        network: Some(app.secret.network(room, client.address())),
+        network: Some(network),
     };
     match app.ask(room, request).await {
         RoomReply::Answer { sdp } => {
@@ -153,6 +154,7 @@ pub(super) async fn join(
                         room: Box::new(RoomHere::new(&app, room)),
                         session: session.into(),
                         offer,
+                        network: network.into(),
                     };
                     let taken = forwarding.take(viewer).await;
                     if taken.is_none() {

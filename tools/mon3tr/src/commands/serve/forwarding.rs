@@ -34,12 +34,13 @@ impl Forwarding for Forwarder {
             room,
             session,
             offer,
+            network,
         } = viewer;
         // There is no token: nothing is asked over HTTP.
         let link = RoomLink::of(self.address.clone(), room.name().as_str(), "none");
         let link = link.inspect_err(|error| log::error!("{error}")).ok()?;
         let room = OwnRoom { link, room };
-        let taken = self.halls.take(Arc::new(room), session, offer);
+        let taken = self.halls.take(Arc::new(room), session, offer, network);
         taken
             .await
             .inspect_err(|error| log::warn!("a viewer is not forwarded to: {error}"))

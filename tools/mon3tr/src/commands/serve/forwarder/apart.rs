@@ -105,6 +105,7 @@ impl Forwarding for Apart {
             room,
             session,
             offer,
+            network,
         } = viewer;
         let open = self.connection().await?;
         let number = self.next.fetch_add(1, Relaxed);
@@ -113,6 +114,7 @@ impl Forwarding for Apart {
             room: room.name(),
             session: session.clone(),
             offer,
+            network,
         };
         let (answer, answered) = oneshot::channel();
         let taken = Taken {

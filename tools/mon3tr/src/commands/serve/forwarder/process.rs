@@ -123,6 +123,7 @@ async fn serve(stream: UnixStream, halls: Halls, address: ServerUrl) -> std::io:
                 room,
                 session,
                 offer,
+                network,
             }) => {
                 // There is no token: nothing is asked over HTTP.
                 let link = RoomLink::of(address.clone(), room.as_str(), "none");
@@ -135,7 +136,7 @@ async fn serve(stream: UnixStream, halls: Halls, address: ServerUrl) -> std::io:
                                 viewer,
                                 server: server.clone(),
                             });
-                            halls.take(room, session, offer).await
+                            halls.take(room, session, offer, network).await
                         }
                         Err(error) => Err(error.into()),
                     };

@@ -23,6 +23,7 @@ pub(super) enum ToForwarder {
         room: Name,
         session: Name,
         offer: String,
+        network: Name,
     },
     /// A viewer has left.
     Leave { session: Name },
@@ -110,6 +111,7 @@ mod tests {
                 viewer: 3,
                 room: name.clone(),
                 session: name.clone(),
+                network: name.clone(),
                 offer: "v=0\r\n".into(),
             };
             let mut bytes = Vec::new();
