@@ -35,6 +35,7 @@ class Call:
         self.leaving = False
         # The session of the frames, which is another one where they are forwarded; and what opens them.
         self.motion, self.sealed, self.opener, self.avatar = self.session, False, None, None
+        self.exchange = wire.Exchange()
         self.counts, self.kept, self.arrivals, self.bytes = {}, [], [], 0
         # (round trip, their clock less ours) of the pong that was quickest: it is wrong by half its round trip at most.
         self.clock = None
@@ -87,7 +88,7 @@ class Call:
         """What opens messages from now on, if the sender has the link."""
         if message[1:5] != self.session.to_bytes(4, "little"):
             raise wire.Refused("session")
-        return wire.Opener(self.link, self.avatar, self.motion, message[5:].decode())
+        return wire.Opener(self.link, self.avatar, self.motion, message[5:].decode(), self.exchange)
 
     def frame(self, arrived, message):
         sequence, captured, values, translation = wire.read_paper_frame(message, self.motion)
@@ -152,8 +153,9 @@ class Call:
         self.channel.on("open", opened.set)
         await peer.setLocalDescription(await peer.createOffer())
         path, offer = self.link.room_path("/whep"), peer.localDescription.sdp
-        theirs = wire.fingerprints(offer)
-        offer = self.link.proved(offer, "viewer", [self.link.room, theirs])
+        theirs, exchange = wire.fingerprints(offer), wire.base64url(self.exchange.public)
+        offer = wire.before_media(offer, wire.EXCHANGE + exchange)
+        offer = self.link.proved(offer, "viewer", [self.link.room, theirs, exchange])
         status, headers, body = await asyncio.to_thread(self.link.ask, "POST", path, offer, "application/sdp")
         if status != 201:
             raise RuntimeError(f"the server says {status} to our offer: {body.decode(errors='replace')}")
@@ -161,6 +163,7 @@ class Call:
         self.avatar = announcement["avatar"]["sha256"]
         if "a=mon3tr-forwarder" in answer.splitlines():
             self.sealed = self.link.secret is not None
+            self.exchange.accept(answer, self.link, self.avatar)
         elif not self.link.is_proved(answer, "sender", [self.link.room, self.avatar, wire.fingerprints(answer), theirs]):
             raise RuntimeError("the sender does not have the link")
         await peer.setRemoteDescription(RTCSessionDescription(answer, "answer"))

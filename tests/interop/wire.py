@@ -21,6 +21,7 @@ PONG_MESSAGE = struct.Struct("<BIQQQ")
 STATE_MESSAGE = struct.Struct("<BIBQ")
 FORWARDED_MESSAGE = struct.Struct("<BII")
 SEALED_HEADER = struct.Struct("<BII")
+EXCHANGE = "a=mon3tr-exchange:"
 BYE_MESSAGE = struct.Struct("<BI")
 STORED, LZ4 = 0, 1
 # The side that leaves sends byes until one is answered, but no longer than this.
@@ -34,6 +35,22 @@ class Refused(Exception):
 def now_us():
     """Microseconds of this program's own clock."""
     return time.monotonic_ns() // 1000
+
+
+def base64url(data):
+    """Its text, without padding."""
+    return base64.urlsafe_b64encode(data).decode().rstrip("=")
+
+
+def of_base64url(text):
+    """The bytes of such a text."""
+    return base64.urlsafe_b64decode(text + "=" * (-len(text) % 4))
+
+
+def before_media(sdp, line):
+    """`sdp` with a line of the whole session."""
+    before, medium, rest = sdp.partition("\nm=")
+    return f"{before}\n{line}\r{medium}{rest}"
 
 
 def fingerprints(sdp):
@@ -53,15 +70,13 @@ class Link:
         self.tls, self.host, self.base = parts.scheme == "https", parts.netloc, before
         self.room, (self.token, *rest) = room.strip("/"), parts.fragment.split(":")
         named = dict(part.split("=", 1) for part in rest if "=" in part)
-        self.secret = base64.urlsafe_b64decode(named["secret"] + "==") if "secret" in named else None
+        self.secret = of_base64url(named["secret"]) if "secret" in named else None
 
     def proved(self, sdp, who, lines):
         """`sdp` with the line that shows that `who` ("viewer" or "sender") has the link; `lines` are what the MAC is of."""
         if self.secret is None:
             return sdp
-        mac = self.mac(who, lines)
-        before, medium, rest = sdp.partition("\nm=")
-        return f"{before}\na=mon3tr-link:{mac}\r{medium}{rest}"
+        return before_media(sdp, f"a=mon3tr-link:{self.mac(who, lines)}")
 
     def is_proved(self, sdp, who, lines):
         """Whether `who` wrote `sdp` and has the link."""
@@ -72,8 +87,7 @@ class Link:
 
     def mac(self, who, lines):
         key = hmac.digest(self.secret, f"mon3tr {who} 1\nlink".encode(), "sha256")
-        mac = hmac.digest(key, "\n".join(lines).encode(), "sha256")
-        return base64.urlsafe_b64encode(mac).decode().rstrip("=")
+        return base64url(hmac.digest(key, "\n".join(lines).encode(), "sha256"))
 
     def open(self, method, path, body=None, content_type=None, timeout=15):
         """Sends one request to a path below the server's address; gives the connection and the answer's head."""
@@ -98,34 +112,82 @@ class Link:
         return f"/v1/rooms/{self.room}{below}"
 
 
-class Opener:
-    """Opens what a sender sealed, by the lines of its seal."""
+class Exchange:
+    """A viewer's half of the agreement on the keys of what a forwarder hands on, and the keys of the epochs."""
 
-    def __init__(self, link, avatar, session, lines):
-        # Only who hears of a forwarder needs it: it comes with aiortc.
+    def __init__(self):
+        # Only a viewer needs it: it comes with aiortc.
+        from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey
+
+        self.private = X25519PrivateKey.generate()
+        self.public = self.private.public_key().public_bytes_raw()
+        self.cipher, self.epochs = None, {}
+
+    def accept(self, answer, link, avatar):
+        """Takes the sender's half, with the key of the newest epoch."""
+        from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PublicKey
         from cryptography.hazmat.primitives.ciphers.aead import ChaCha20Poly1305
+        from cryptography.hazmat.primitives.hashes import SHA256
+        from cryptography.hazmat.primitives.kdf.hkdf import HKDF
 
+        halves = [line[len(EXCHANGE):].strip() for line in answer.splitlines() if line.startswith(EXCHANGE)]
+        if len(halves) != 1:
+            raise Refused("exchange")
+        sender, epoch, sealed = halves[0].split(" ")
+        sender = of_base64url(sender)
+        info = f"mon3tr exchange 1\n{link.room}\n{avatar}\n".encode() + self.public + sender
+        agreed = self.private.exchange(X25519PublicKey.from_public_bytes(sender))
+        self.cipher = ChaCha20Poly1305(HKDF(SHA256(), 32, link.secret, info).derive(agreed))
+        self.learn(int(epoch), of_base64url(sealed))
+
+    def learn(self, epoch, sealed):
+        self.epochs[epoch] = self.cipher.decrypt(bytes(8) + epoch.to_bytes(4, "little"), sealed, None)
+
+    def take(self, message):
+        """Takes a message of keys; the one of this viewer, if it is there."""
+        epoch = int.from_bytes(message[:4], "little")
+        for at in range(4, len(message), 56):
+            if message[at : at + 8] == self.public[:8] and epoch not in self.epochs:
+                self.learn(epoch, message[at + 8 : at + 56])
+
+
+class Opener:
+    """Opens what a sender sealed, by the lines of its seal and the keys of the epochs."""
+
+    def __init__(self, link, avatar, session, lines, exchange):
         seals = [line[len("a=mon3tr-seal:"):] for line in lines.splitlines() if line.startswith("a=mon3tr-seal:")]
         if len(seals) != 1 or not link.is_proved(lines, "seal", [link.room, avatar, seals[0]]):
             raise Refused("seal")
         salt, sealed_at, messages, _ = seals[0].split(" ")
         if abs(time.time() - int(sealed_at)) > 300:
             raise Refused("old_seal")
-        key = hmac.digest(link.secret, f"mon3tr seal 1\nkey\n{link.room}\n{avatar}\n{salt}".encode(), "sha256")
-        self.session, self.cipher, self.messages = session, ChaCha20Poly1305(key), int(messages)
+        self.text = f"mon3tr seal 1\nkey\n{link.room}\n{avatar}\n{salt}".encode()
+        self.secret, self.exchange, self.session, self.messages = link.secret, exchange, session, int(messages)
 
     def message(self, sealed):
-        """The message within, or nothing."""
-        from cryptography.exceptions import InvalidTag
-
+        """The message within, or nothing; keys are taken."""
         if len(sealed) < SEALED_HEADER.size:
             return None
+        for _, key in sorted(self.exchange.epochs.items(), reverse=True)[:2]:
+            opened = self.opened(key, sealed)
+            if opened is not None:
+                return opened
+        keys = self.opened(self.secret, sealed)
+        if keys is not None:
+            self.exchange.take(keys)
+        return None
+
+    def opened(self, secret, sealed):
+        from cryptography.exceptions import InvalidTag
+        from cryptography.hazmat.primitives.ciphers.aead import ChaCha20Poly1305
+
         kind, session, counter = SEALED_HEADER.unpack_from(sealed)
         if kind != SEALED or session != self.session or counter <= self.messages:
             return None
         nonce = bytes(8) + counter.to_bytes(4, "little")
         try:
-            return self.cipher.decrypt(nonce, sealed[SEALED_HEADER.size:], sealed[:SEALED_HEADER.size])
+            cipher = ChaCha20Poly1305(hmac.digest(secret, self.text, "sha256"))
+            return cipher.decrypt(nonce, sealed[SEALED_HEADER.size:], sealed[:SEALED_HEADER.size])
         except InvalidTag:
             return None
 

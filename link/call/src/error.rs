@@ -53,7 +53,15 @@ pub enum CallError {
     },
     /// The server serves this viewer, in place of the sender.
     #[error("the sender has many viewers: the server serves this one")]
-    HandedOver,
+    HandedOver {
+        /// What the viewer is answered of the keys of what the server hands on; a forwarder is answered nothing.
+        exchange: Option<String>,
+    },
+    /// No key was agreed on for what the server hands on.
+    #[error(
+        "no key could be agreed on for what the server hands on: the other side's program or the server's is too old, or the server or someone on the way changed what was said"
+    )]
+    NoExchange,
     /// The other side does not prove that it has the link.
     #[error(
         "the other side does not prove that it has the link: the server or someone on the way is in its place, its link was cut short, or its program is too old"
@@ -182,7 +190,7 @@ impl CallError {
     /// the server for seconds.
     pub(crate) fn refusal(&self) -> Refusal {
         match self {
-            Self::HandedOver => Refusal::Full,
+            Self::HandedOver { .. } => Refusal::Full,
             // Not the viewer's fault: it may try again.
             Self::TooManyViewers | Self::Random(_) => Refusal::Many,
             Self::Refused(refusal) => *refusal,
@@ -206,6 +214,7 @@ impl CallError {
             Self::Refused(refusal) => *refusal != Refusal::Wait,
             Self::NoLink
             | Self::NoKey
+            | Self::NoExchange
             | Self::OldSeal { .. }
             | Self::WrongKey { .. }
             | Self::AnotherSender { .. }

@@ -9,7 +9,7 @@ use crate::visitor::Visitor;
 use crate::{CallError, guests, now, proof};
 use data_encoding::BASE64URL_NOPAD;
 use identity::{Identity, IdentityError, Keyring, Permit, PublicKey, Purpose, Signature};
-use link_protocol::{Guest, GuestPass, Name, PackageId, PersonName, Refusal, RoomLink};
+use link_protocol::{Guest, GuestPass, Name, PackageId, PersonName, Refusal, RoomLink, sealed};
 
 /// How the lines begin: the MAC; `KEY SIGNATURE`; a permit as its text has it; and `NAME SIGNATURE`, the name in
 /// base64url.
@@ -173,6 +173,18 @@ fn introduce(
     before_media(sdp, &[&link, &key])
 }
 
+/// Whether a server's forwarder may serve the room's viewers. Without a secret nothing can be sealed. People in a call
+/// are met directly: all of them have the secret, so one of them who works together with the server could be any other
+/// behind a forwarder.
+pub(crate) fn may_be_handed_over(room: &RoomLink) -> bool {
+    room.secret().is_some() && !room.is_seat()
+}
+
+/// The offer of a viewer that may be handed over, before it is signed.
+pub(crate) fn with_exchange(offer: &str, exchange: &str) -> String {
+    before_media(offer, &[sealed::EXCHANGE_LINE, exchange, "\r\n"])
+}
+
 /// `sdp` with lines of the whole session: before its first medium.
 fn before_media(sdp: &str, lines: &[&str]) -> String {
     let media = sdp.find("\nm=").map_or(sdp.len(), |at| at + 1);
@@ -236,12 +248,9 @@ impl Authentication {
             None => {}
         }
         if answer.is_of_forwarder {
-            // Without a secret nothing can be sealed. People in a call are met directly: all of them have the secret, so one of them who works together
-            // with the server could be any other behind a forwarder.
-            return match room.secret() {
-                Some(_) if !room.is_seat() => Ok(Answered::Forwarder),
-                _ => Err(CallError::TooManyViewers),
-            };
+            let may_be = may_be_handed_over(room);
+            let answered = may_be.then_some(Answered::Forwarder);
+            return answered.ok_or(CallError::TooManyViewers);
         }
         let text = of_sender(room.room(), avatar, &Description::read(offer)?, answer)?;
         let sender = self.take_sender(room, Purpose::Sender, &text, &answer.shown)?;
@@ -380,7 +389,12 @@ fn of_sender(
 
 /// What a viewer signs.
 fn of_viewer(room: &Name, offer: &Description) -> Result<String, CallError> {
-    Ok(format!("{room}\n{}", offer.fingerprints()?))
+    let mut text = format!("{room}\n{}", offer.fingerprints()?);
+    if let Some(exchange) = &offer.shown.exchange {
+        text.push('\n');
+        text.push_str(exchange);
+    }
+    Ok(text)
 }
 
 /// What a sender with this name signs besides, of the same connection.

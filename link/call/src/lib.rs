@@ -42,6 +42,7 @@ mod addresses;
 mod admission;
 mod candidates;
 pub mod door;
+mod epochs;
 mod error;
 pub mod forward;
 mod guests;

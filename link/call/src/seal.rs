@@ -1,17 +1,21 @@
-//! What a sender seals so that a server can hand it on to many viewers and not read or change it: every frame, state and packet of voice by ChaCha20-Poly1305
-//! (RFC 8439), with a key that is derived from the link's secret, which no server has, and a salt of the connection. Who seals, the sender shows
-//! by the same lines as in an answer; their text has the time, so that what was recorded is of no use later.
+//! What a sender seals so that a server can hand it on to many viewers and not read or change it: every frame, state and
+//! packet of voice by ChaCha20-Poly1305 (RFC 8439), with the key of the epoch ([`crate::epochs`]) and a salt of the
+//! connection; the keys of epochs with one that is derived from the link's secret, which no server has. Who seals, the
+//! sender shows by the same lines as in an answer; their text has the time, so that what was recorded is of no use
+//! later.
 //!
-//! All viewers have the same key. One of them that works together with the server could make up what the others see; `docs/security.md` says so.
+//! All viewers have the same keys. One of them that works together with the server could make up what the others see;
+//! `docs/security.md` says so.
 
 use crate::CallError;
+use crate::epochs::{Epochs, ViewerKeys};
 use crate::introduction::{self, Authentication, Credentials};
 use crate::voice_track::VoicePacket;
 use bytes::Bytes;
 use data_encoding::BASE64URL_NOPAD;
 use identity::{PublicKey, Purpose};
 use link_protocol::sealed::{Header, TAG_BYTES};
-use link_protocol::{LinkSecret, PackageId, RoomLink};
+use link_protocol::{PackageId, RoomLink};
 use ring::aead::{Aad, CHACHA20_POLY1305, LessSafeKey, NONCE_LEN, Nonce, UnboundKey};
 use ring::hmac;
 
@@ -33,12 +37,36 @@ enum Kind {
     Voice = 1,
 }
 
-/// The sender's end, for one forwarder.
-pub(crate) struct Sealer {
-    key: LessSafeKey,
+/// What the keys of a connection are derived from, besides a secret.
+#[derive(Debug)]
+struct Connection {
     room: RoomLink,
     avatar: PackageId,
     salt: String,
+}
+
+impl Connection {
+    fn key(&self, secret: &[u8]) -> Result<LessSafeKey, CallError> {
+        let secret = hmac::Key::new(hmac::HMAC_SHA256, secret);
+        let text = format!("key\n{}", of_seal(&self.room, self.avatar, &self.salt));
+        let key = hmac::sign(&secret, &Purpose::Seal.text(text.as_bytes()));
+        let key = UnboundKey::new(&CHACHA20_POLY1305, key.as_ref());
+        Ok(LessSafeKey::new(key.map_err(|_| CallError::NoLink)?))
+    }
+
+    /// That of the link's secret, by which keys are sealed.
+    fn key_of_link(&self) -> Result<LessSafeKey, CallError> {
+        let secret = self.room.secret().ok_or(CallError::NoLink)?;
+        self.key(secret.bytes())
+    }
+}
+
+/// The sender's end, for one forwarder.
+pub(crate) struct Sealer {
+    connection: Connection,
+    /// By which keys are sealed.
+    for_keys: LessSafeKey,
+    epochs: Epochs,
     messages: u32,
     packets: u32,
 }
@@ -51,18 +79,25 @@ impl std::fmt::Debug for Sealer {
 
 impl Sealer {
     /// For a connection; nothing where the room's link has no secret, and so nobody could open.
-    pub(crate) fn new(room: &RoomLink, avatar: PackageId) -> Result<Option<Self>, CallError> {
-        let Some(secret) = room.secret() else {
+    pub(crate) fn new(
+        room: &RoomLink,
+        avatar: PackageId,
+        epochs: Epochs,
+    ) -> Result<Option<Self>, CallError> {
+        if room.secret().is_none() {
             return Ok(None);
-        };
+        }
         let mut salt = [0; SALT_BYTES];
         getrandom::fill(&mut salt)?;
-        let salt = BASE64URL_NOPAD.encode(&salt);
-        Ok(Some(Self {
-            key: key(secret, room, avatar, &salt)?,
+        let connection = Connection {
             room: room.clone(),
             avatar,
-            salt,
+            salt: BASE64URL_NOPAD.encode(&salt),
+        };
+        Ok(Some(Self {
+            for_keys: connection.key_of_link()?,
+            connection,
+            epochs,
             messages: 0,
             packets: 0,
         }))
@@ -71,34 +106,41 @@ impl Sealer {
     /// The lines by which viewers find the key and see who seals. They hold for some minutes, and for what is sealed after them.
     pub(crate) fn lines(&self, own: Option<&Credentials>) -> String {
         let (messages, packets) = (self.messages, self.packets);
-        let seal = format!("{} {} {messages} {packets}", self.salt, crate::now());
-        let text = of_seal(&self.room, self.avatar, &seal);
-        let lines = introduction::lines(own, &self.room, Purpose::Seal, &text);
+        let Connection { room, avatar, salt } = &self.connection;
+        let seal = format!("{salt} {} {messages} {packets}", crate::now());
+        let text = of_seal(room, *avatar, &seal);
+        let lines = introduction::lines(own, room, Purpose::Seal, &text);
         format!("{SEAL_LINE}{seal}\r\n{lines}")
     }
 
     /// Writes `message` sealed into `out`, which is cleared first; whether that was possible.
     pub(crate) fn message(&mut self, session: u32, message: &[u8], out: &mut Vec<u8>) -> bool {
-        let Some(counter) = next(&mut self.messages) else {
+        let Some(key) = self.key_of_epoch() else {
             return false;
         };
-        let header = Header { session, counter }.bytes();
-        out.clear();
-        out.extend(header);
-        out.extend(message);
-        let nonce = nonce(Kind::Message, counter);
-        let sealed = &mut out[header.len()..];
-        match (self.key).seal_in_place_separate_tag(nonce, Aad::from(header), sealed) {
-            Ok(tag) => {
-                out.extend(tag.as_ref());
-                true
-            }
-            Err(_) => false,
-        }
+        let counter = next(&mut self.messages);
+        counter.is_some_and(|counter| seal(&key, Header { session, counter }, message, out))
+    }
+
+    /// The same of a message of keys.
+    pub(crate) fn keys(&mut self, session: u32, keys: &[u8], out: &mut Vec<u8>) -> bool {
+        let counter = next(&mut self.messages);
+        let key = &self.for_keys;
+        counter.is_some_and(|counter| seal(key, Header { session, counter }, keys, out))
+    }
+
+    /// Whether there was a viewer who could open what is sealed.
+    pub(crate) fn has_viewers(&self) -> bool {
+        self.epochs.now().is_some()
+    }
+
+    fn key_of_epoch(&self) -> Option<LessSafeKey> {
+        self.connection.key(&self.epochs.now()?).ok()
     }
 
     /// A packet of voice with this time stamp, sealed.
     pub(crate) fn voice(&mut self, timestamp: u32, opus: &[u8]) -> Option<Bytes> {
+        let key = self.key_of_epoch()?;
         let counter = next(&mut self.packets)?;
         let mut packet = Vec::with_capacity(COUNTER_BYTES + opus.len() + TAG_BYTES);
         packet.extend(counter.to_le_bytes());
@@ -106,9 +148,25 @@ impl Sealer {
         let nonce = nonce(Kind::Voice, counter);
         let aad = Aad::from(timestamp.to_le_bytes());
         let sealed = &mut packet[COUNTER_BYTES..];
-        let tag = self.key.seal_in_place_separate_tag(nonce, aad, sealed);
+        let tag = key.seal_in_place_separate_tag(nonce, aad, sealed);
         packet.extend(tag.ok()?.as_ref());
         Some(packet.into())
+    }
+}
+
+/// Writes `message` sealed into `out`; whether that was possible.
+fn seal(key: &LessSafeKey, header: Header, message: &[u8], out: &mut Vec<u8>) -> bool {
+    let (nonce, header) = (nonce(Kind::Message, header.counter), header.bytes());
+    out.clear();
+    out.extend(header);
+    out.extend(message);
+    let sealed = &mut out[header.len()..];
+    match key.seal_in_place_separate_tag(nonce, Aad::from(header), sealed) {
+        Ok(tag) => {
+            out.extend(tag.as_ref());
+            true
+        }
+        Err(_) => false,
     }
 }
 
@@ -121,10 +179,7 @@ fn next(counter: &mut u32) -> Option<u32> {
 /// What a seal's lines say, of a sender that is taken.
 #[derive(Debug)]
 pub(crate) struct Terms {
-    /// What the key is derived from.
-    room: RoomLink,
-    avatar: PackageId,
-    salt: String,
+    connection: Connection,
     time: u64,
     messages: u32,
     packets: u32,
@@ -148,9 +203,11 @@ impl Terms {
             return Err(CallError::OldSeal { apart });
         }
         Ok(Self {
-            room: room.clone(),
-            avatar,
-            salt: salt.to_owned(),
+            connection: Connection {
+                room: room.clone(),
+                avatar,
+                salt: salt.to_owned(),
+            },
             time,
             messages,
             packets,
@@ -166,8 +223,9 @@ impl Terms {
 
 /// A viewer's end.
 pub(crate) struct Opener {
-    key: LessSafeKey,
-    salt: String,
+    connection: Connection,
+    /// By which keys are sealed.
+    for_keys: LessSafeKey,
     /// Of the newest lines, by the sender's clock.
     time: u64,
     messages: Replays,
@@ -183,10 +241,9 @@ impl std::fmt::Debug for Opener {
 impl Opener {
     /// Opens what was sealed after these lines.
     pub(crate) fn new(terms: Terms) -> Result<Self, CallError> {
-        let secret = terms.room.secret().ok_or(CallError::NoLink)?;
         Ok(Self {
-            key: key(secret, &terms.room, terms.avatar, &terms.salt)?,
-            salt: terms.salt,
+            for_keys: terms.connection.key_of_link()?,
+            connection: terms.connection,
             time: terms.time,
             messages: Replays::after(terms.messages),
             packets: Replays::after(terms.packets),
@@ -200,47 +257,84 @@ impl Opener {
 
     /// Goes on with lines of the same seal; whether they are.
     pub(crate) fn renew(&mut self, terms: &Terms) -> bool {
-        let is_same = terms.salt == self.salt;
+        let is_same = terms.connection.salt == self.connection.salt;
         if is_same {
             self.time = self.time.max(terms.time);
         }
         is_same
     }
 
-    /// The message within a sealed one of `session`; nothing for any other, one that someone changed, and one that comes again.
-    pub(crate) fn message(&mut self, session: u32, sealed: &[u8]) -> Option<Vec<u8>> {
-        let (header, rest) = Header::read(sealed)?;
-        if header.session != session {
-            return None;
+    /// What a sealed message of `session` is; nothing for any other.
+    pub(crate) fn message(
+        &mut self,
+        keys: &mut ViewerKeys,
+        session: u32,
+        sealed: &[u8],
+    ) -> Option<Opened> {
+        let (header, rest) = Header::read(sealed).filter(|(it, _)| it.session == session)?;
+        let (counter, aad) = (header.counter, header.bytes());
+        let nonce = || nonce(Kind::Message, counter);
+        if let Some(message) = self.open_by(keys, nonce, &aad, rest) {
+            let is_new = self.messages.is_new(counter);
+            return is_new.then_some(Opened::Message(message));
         }
-        let nonce = nonce(Kind::Message, header.counter);
-        let message = self.open(nonce, &header.bytes(), rest)?;
-        self.messages.is_new(header.counter).then_some(message)
+        match self.open(&self.for_keys, nonce(), &aad, rest) {
+            Some(message) if self.messages.is_new(counter) => {
+                let for_us = keys.take(&message);
+                Some(Opened::Keys { for_us })
+            }
+            Some(_) => None,
+            None => Some(Opened::Nothing),
+        }
     }
 
     /// A packet of voice as it was said.
-    pub(crate) fn voice(&mut self, packet: &VoicePacket) -> Option<VoicePacket> {
+    pub(crate) fn voice(&mut self, keys: &ViewerKeys, packet: &VoicePacket) -> Option<VoicePacket> {
         let (counter, rest) = packet.opus.split_first_chunk()?;
         let counter = u32::from_le_bytes(*counter);
-        let nonce = nonce(Kind::Voice, counter);
-        let opus = self.open(nonce, &packet.timestamp.to_le_bytes(), rest)?;
+        let nonce = || nonce(Kind::Voice, counter);
+        let opus = self.open_by(keys, nonce, &packet.timestamp.to_le_bytes(), rest)?;
         self.packets.is_new(counter).then(|| VoicePacket {
             timestamp: packet.timestamp,
             opus: opus.into(),
         })
     }
 
-    fn open(&self, nonce: Nonce, aad: &[u8], sealed: &[u8]) -> Option<Vec<u8>> {
+    /// By the first of the newest keys that opens it.
+    fn open_by(
+        &self,
+        keys: &ViewerKeys,
+        nonce: impl Fn() -> Nonce,
+        aad: &[u8],
+        sealed: &[u8],
+    ) -> Option<Vec<u8>> {
+        let keys = (keys.newest()).filter_map(|key| self.connection.key(key).ok());
+        let mut opened = keys.map(|key| self.open(&key, nonce(), aad, sealed));
+        opened.find_map(|opened| opened)
+    }
+
+    fn open(&self, key: &LessSafeKey, nonce: Nonce, aad: &[u8], sealed: &[u8]) -> Option<Vec<u8>> {
         // What was held back is of no use either.
         if crate::now().abs_diff(self.time) > CLOCKS_APART {
             return None;
         }
         let mut bytes = sealed.to_vec();
-        let opened = self.key.open_in_place(nonce, Aad::from(aad), &mut bytes);
+        let opened = key.open_in_place(nonce, Aad::from(aad), &mut bytes);
         let length = opened.ok()?.len();
         bytes.truncate(length);
         Some(bytes)
     }
+}
+
+/// What a sealed message is.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum Opened {
+    /// This one.
+    Message(Vec<u8>),
+    /// Keys, of this viewer among them or of others alone.
+    Keys { for_us: bool },
+    /// One that someone changed, or that is sealed by a key which this viewer does not know.
+    Nothing,
 }
 
 /// Which counters have come: the newest, and a bit for each of the 64 before it (as RFC 3711, section 3.3.2).
@@ -299,19 +393,6 @@ fn of_seal(room: &RoomLink, avatar: PackageId, seal: &str) -> String {
     format!("{}\n{avatar}\n{seal}", room.room())
 }
 
-fn key(
-    secret: &LinkSecret,
-    room: &RoomLink,
-    avatar: PackageId,
-    salt: &str,
-) -> Result<LessSafeKey, CallError> {
-    let secret = hmac::Key::new(hmac::HMAC_SHA256, secret.bytes());
-    let text = Purpose::Seal.text(format!("key\n{}", of_seal(room, avatar, salt)).as_bytes());
-    let key = hmac::sign(&secret, &text);
-    let key = UnboundKey::new(&CHACHA20_POLY1305, key.as_ref()).map_err(|_| CallError::NoLink)?;
-    Ok(LessSafeKey::new(key))
-}
-
 /// The kind, seven zeros, the counter.
 fn nonce(kind: Kind, counter: u32) -> Nonce {
     let mut nonce = [0; NONCE_LEN];
@@ -323,7 +404,9 @@ fn nonce(kind: Kind, counter: u32) -> Nonce {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::epochs::tests::comes;
     use identity::Identity;
+    use link_protocol::LinkSecret;
 
     fn room(name: &str, secret: u8) -> RoomLink {
         let server = "http://127.0.0.1:1".parse().expect("an address");
@@ -339,11 +422,14 @@ mod tests {
         Identity::from_seed(&[seed; 32]).expect("a key")
     }
 
-    fn pair(own: Option<&Credentials>) -> (Sealer, String) {
-        let sealer = Sealer::new(&room("r1", 1), avatar("a"));
+    /// A sender, the lines of its seal, and a viewer.
+    fn three(own: Option<&Credentials>) -> (Sealer, String, ViewerKeys) {
+        let epochs = Epochs::default();
+        let keys = comes(&epochs, 1, &room("r1", 1), avatar("a"));
+        let sealer = Sealer::new(&room("r1", 1), avatar("a"), epochs);
         let sealer = sealer.expect("random").expect("a secret");
         let lines = sealer.lines(own);
-        (sealer, lines)
+        (sealer, lines, keys)
     }
 
     fn terms(lines: &str) -> Terms {
@@ -355,30 +441,44 @@ mod tests {
         Opener::new(terms(lines)).expect("a key")
     }
 
+    fn opened(text: &[u8]) -> Option<Opened> {
+        Some(Opened::Message(text.to_vec()))
+    }
+
     #[test]
     fn what_is_sealed_is_opened_once_and_by_none_without_the_link() {
-        let (mut sealer, lines) = pair(None);
+        let (mut sealer, lines, mut keys) = three(None);
         let mut opener = opener(&lines);
-        assert!(opener.renew(&terms(&sealer.lines(None))), "told again");
+        let mut open = |session, sealed: &[u8]| opener.message(&mut keys, session, sealed);
         let mut sealed = Vec::new();
         assert!(sealer.message(5, b"a frame", &mut sealed));
         assert!(!sealed.windows(7).any(|part| part == b"a frame"));
-        assert_eq!(opener.message(6, &sealed), None, "another session");
-        assert_eq!(opener.message(5, &sealed).as_deref(), Some(&b"a frame"[..]));
-        assert_eq!(opener.message(5, &sealed), None, "it comes again");
+        assert_eq!(open(6, &sealed), None, "another session");
+        assert_eq!(open(5, &sealed), opened(b"a frame"));
+        assert_eq!(open(5, &sealed), None, "it comes again");
         let mut second = Vec::new();
         assert!(sealer.message(5, b"a frame", &mut second));
         assert_ne!(sealed[9..], second[9..]);
         for at in 0..second.len() {
             let mut changed = second.clone();
             changed[at] ^= 1;
-            assert_eq!(opener.message(5, &changed), None, "byte {at}");
+            let changed = open(5, &changed);
+            assert!(matches!(changed, None | Some(Opened::Nothing)), "byte {at}");
         }
-        assert!(opener.message(5, &second).is_some());
-        let (other, _) = pair(None);
-        assert!(
-            !opener.renew(&terms(&other.lines(None))),
-            "another connection"
+        assert_eq!(open(5, &second), opened(b"a frame"));
+        // Of what is sealed by the link's secret, keys are taken, and nothing else.
+        assert!(sealer.keys(5, b"a frame", &mut second));
+        assert_eq!(open(5, &second), Some(Opened::Keys { for_us: false }));
+        let (mut other, other_lines, mut others_keys) = three(None);
+        assert!(other.message(5, b"a frame", &mut second));
+        assert_eq!(open(5, &second), Some(Opened::Nothing), "another sender's");
+        assert!(opener.renew(&terms(&sealer.lines(None))), "told again");
+        assert!(!opener.renew(&terms(&other_lines)), "another connection");
+        assert!(sealer.message(5, b"a frame", &mut second));
+        assert_eq!(
+            opener.message(&mut others_keys, 5, &second),
+            Some(Opened::Nothing),
+            "the link and the seal without the epoch's key"
         );
         let everyone = Authentication::default();
         for (room, avatar) in [
@@ -392,8 +492,17 @@ mod tests {
     }
 
     #[test]
+    fn nothing_is_sealed_before_there_is_a_viewer() {
+        let sealer = Sealer::new(&room("r1", 1), avatar("a"), Epochs::default());
+        let mut sealer = sealer.expect("random").expect("a secret");
+        assert!(!sealer.has_viewers());
+        assert!(!sealer.message(5, b"a frame", &mut Vec::new()));
+        assert_eq!(sealer.voice(960, b"opus"), None);
+    }
+
+    #[test]
     fn a_voice_is_sealed_with_its_time() {
-        let (mut sealer, lines) = pair(None);
+        let (mut sealer, lines, keys) = three(None);
         let mut opener = opener(&lines);
         let opus = sealer.voice(960, b"opus").expect("sealed");
         let packet = VoicePacket {
@@ -404,21 +513,21 @@ mod tests {
             timestamp: 1920,
             ..packet.clone()
         };
-        assert!(opener.voice(&moved).is_none(), "at another time");
-        let heard = opener.voice(&packet).expect("as it was said");
+        assert!(opener.voice(&keys, &moved).is_none(), "at another time");
+        let heard = opener.voice(&keys, &packet).expect("as it was said");
         assert_eq!((heard.timestamp, &*heard.opus), (960, &b"opus"[..]));
-        assert!(opener.voice(&packet).is_none(), "it comes again");
+        assert!(opener.voice(&keys, &packet).is_none(), "it comes again");
         let plain = VoicePacket {
             timestamp: 960,
             opus: Bytes::from_static(b"opu"),
         };
-        assert!(opener.voice(&plain).is_none(), "not sealed");
+        assert!(opener.voice(&keys, &plain).is_none(), "not sealed");
     }
 
     #[test]
     fn a_seal_shows_who_seals_and_is_not_of_yesterday() {
         let owner = Credentials::new(identity(1));
-        let (sealer, lines) = pair(Some(&owner));
+        let (sealer, lines, _) = three(Some(&owner));
         let check = |lines: &str, expected: u8, signer| {
             let authentication = Authentication { own: None, signer };
             let room = room("r1", 1).with_key(identity(expected).public().hash());
@@ -440,35 +549,38 @@ mod tests {
         assert!(matches!(unsigned, Err(CallError::NoKey)), "{unsigned:?}");
         // What was recorded long ago, and the same with another time.
         let recorded = crate::now() - CLOCKS_APART - 5;
-        let seal = format!("{} {recorded} 0 0", sealer.salt);
-        let text = of_seal(&sealer.room, sealer.avatar, &seal);
-        let shown = introduction::lines(Some(&owner), &sealer.room, Purpose::Seal, &text);
+        let Connection { room, avatar, salt } = &sealer.connection;
+        let seal = format!("{salt} {recorded} 0 0");
+        let text = of_seal(room, *avatar, &seal);
+        let shown = introduction::lines(Some(&owner), room, Purpose::Seal, &text);
         let old = check(&format!("{SEAL_LINE}{seal}\r\n{shown}"), 1, None);
         assert!(matches!(old, Err(CallError::OldSeal { .. })), "{old:?}");
-        let renewed = format!("{SEAL_LINE}{} {}\r\n{shown}", sealer.salt, crate::now());
+        let renewed = format!("{SEAL_LINE}{salt} {}\r\n{shown}", crate::now());
         let renewed = check(&renewed, 1, None);
         assert!(matches!(renewed, Err(CallError::NoLink)), "{renewed:?}");
     }
 
     #[test]
     fn what_was_recorded_is_not_shown_to_who_comes_later() {
-        let (mut sealer, first_lines) = pair(None);
+        let (mut sealer, first_lines, mut keys) = three(None);
         let mut recorded = Vec::new();
         assert!(sealer.message(5, b"said in confidence", &mut recorded));
         let spoken = sealer.voice(960, b"opus").expect("sealed");
-        // Who is there from the beginning opens both; who comes later, by the lines of then, neither, and what follows.
+        // Who is there from the beginning opens both; who comes later, by the lines of then, neither, and what follows,
+        // also in the same epoch.
         let mut early = opener(&first_lines);
-        assert!(early.message(5, &recorded).is_some());
+        let first = early.message(&mut keys, 5, &recorded);
+        assert_eq!(first, opened(b"said in confidence"));
         let mut late = opener(&sealer.lines(None));
-        assert_eq!(late.message(5, &recorded), None);
+        assert_eq!(late.message(&mut keys, 5, &recorded), None);
         let packet = VoicePacket {
             timestamp: 960,
             opus: spoken,
         };
-        assert!(late.voice(&packet).is_none());
+        assert!(late.voice(&keys, &packet).is_none());
         let mut next = Vec::new();
         assert!(sealer.message(5, b"for all", &mut next));
-        assert!(late.message(5, &next).is_some());
+        assert_eq!(late.message(&mut keys, 5, &next), opened(b"for all"));
         // Nor is anyone led back to a seal before.
         let mut before = terms(&first_lines);
         before.time -= 1;
@@ -477,7 +589,7 @@ mod tests {
         let mut held = Vec::new();
         assert!(sealer.message(5, b"held back", &mut held));
         late.time -= CLOCKS_APART + 5;
-        assert_eq!(late.message(5, &held), None);
+        assert_eq!(late.message(&mut keys, 5, &held), Some(Opened::Nothing));
     }
 
     #[test]

@@ -11,6 +11,7 @@ mod watching;
 
 use crate::admission::{MOST_OPENING, Opening, Refusals};
 use crate::door::{Door, MOST_INSIDE};
+use crate::epochs::Epochs;
 use crate::introduction::Credentials;
 use crate::losses::WantedCopies;
 use crate::path::Path;
@@ -182,6 +183,8 @@ struct Shared {
     refusals: Refusals,
     opening: Opening,
     watching: Watching,
+    /// The keys of what the server's forwarders hand on.
+    epochs: Epochs,
     counts: Arc<Counts>,
 }
 
@@ -282,6 +285,7 @@ impl Sender {
             refusals: Refusals::default(),
             opening: Opening::new(MOST_OPENING),
             watching: watching.clone(),
+            epochs: Epochs::default(),
             counts: Arc::clone(&counts),
         };
         let task = tokio::spawn(answer_viewers(shared, entering, presence));
@@ -416,8 +420,9 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
                 continue;
             }
             () = door.changed() => {
-                let ended = end_sessions(shared.clone(), door.take_sessions_to_end());
-                tokio::spawn(ended);
+                let ended = door.take_sessions_to_end();
+                ended.iter().for_each(|session| shared.epochs.leave(session));
+                tokio::spawn(end_sessions(shared.clone(), ended));
                 let revoked = door.revoked(MAX_REVOKED, now());
                 if revoked != entering.revoked {
                     entering.revoked = revoked;
@@ -470,6 +475,7 @@ async fn answer_viewers(mut shared: Shared, mut entering: EnterRoom, presence: P
             PresenceEvent::Forwards => shared.places.forwards.store(true, Relaxed),
             PresenceEvent::Leave { session } => {
                 shared.door.left(&session);
+                shared.epochs.leave(&session);
                 if let Some(leave) = leaving.remove(&session) {
                     leave.send_replace(true);
                 }

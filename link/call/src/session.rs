@@ -1,19 +1,20 @@
 //! A viewer's connection while it is open, and the feedback that it gives.
 
 use crate::CallError;
-use crate::introduction::{Answered, Authentication};
+use crate::epochs::{Exchange, ViewerKeys};
+use crate::introduction::{self, Answered, Authentication};
 use crate::path::Path;
 use crate::peer::Peer;
 use crate::plan::Plan;
 use crate::sdp::Description;
-use crate::seal::{Opener, Terms};
+use crate::seal::{Opened, Opener, Terms};
 use crate::signaling::Signaling;
 use crate::voice_track::VoicePacket;
 use bytes::Bytes;
 use identity::PublicKey;
 use link_codec::{Decoder, Micros};
 use link_playout::Clock;
-use link_playout::clock::{ClockOffset, Exchange};
+use link_playout::clock::{self, ClockOffset};
 use link_protocol::data_channel::{Feedback, Message, Pong};
 use link_protocol::{Announcement, Name, PackageId, PersonName, RoomLink, sealed};
 use std::time::Duration;
@@ -31,6 +32,12 @@ const FRAMES_A_FEEDBACK: u32 = 3;
 const FIRST_PING_INTERVAL: Duration = Duration::from_millis(50);
 const PING_INTERVAL: Duration = Duration::from_secs(1);
 const FIRST_PINGS: u32 = 10;
+
+/// What a forwarder hands on is opened after so long, or never.
+const UNSEALED: Duration = Duration::from_secs(4);
+
+/// The same after the sender's seal has changed: where another sender has come, which does not know this viewer.
+const UNSEALED_AGAIN: Duration = Duration::from_secs(1);
 
 /// A connection that is open.
 #[derive(Debug)]
@@ -85,9 +92,14 @@ enum Seal {
     /// As they are.
     None,
     /// Sealed; nothing opens them yet.
-    Awaited { since: Instant },
+    Awaited { keys: ViewerKeys, until: Instant },
     /// Sealed.
-    Known(Box<Opener>),
+    Known {
+        keys: ViewerKeys,
+        opener: Box<Opener>,
+        /// Until when something has to be opened, after something was not.
+        until: Option<Instant>,
+    },
 }
 
 impl Session {
@@ -102,8 +114,14 @@ impl Session {
     ) -> Result<Self, CallError> {
         let id = getrandom::u32()?;
         let relay = plan.relay.clone();
-        let (mut peer, offer) = Peer::offer(plan, announcement.channel).await?;
+        let (mut peer, mut offer) = Peer::offer(plan, announcement.channel).await?;
         let room = signaling.room();
+        let mut exchange = None;
+        if introduction::may_be_handed_over(room) {
+            let own = Exchange::new()?;
+            offer = introduction::with_exchange(&offer, &own.text());
+            exchange = Some(own);
+        }
         let signed = authentication.introduce(room, &offer)?;
         let answer = timeout(limit, signaling.offer(&signed)).await;
         let answer = answer.map_err(|_| CallError::NotConnected)??;
@@ -112,8 +130,11 @@ impl Session {
         let (sender, person, seal) = match authentication.check(room, avatar, &offer, &answered)? {
             Answered::Sender(sender, person) => (sender, person, Seal::None),
             Answered::Forwarder => {
-                let since = Instant::now();
-                (None, None, Seal::Awaited { since })
+                let shown = answered.shown.exchange.as_deref();
+                let (own, shown) = exchange.zip(shown).ok_or(CallError::NoExchange)?;
+                let keys = own.accept(shown, room, avatar)?;
+                let until = Instant::now() + UNSEALED;
+                (None, None, Seal::Awaited { keys, until })
             }
         };
         peer.accept(&answered).await?;
@@ -163,13 +184,26 @@ impl Session {
                 let message = Message::read(&bytes, self.id);
                 return Ok(message.map_or(Arrived::Motion(bytes), Arrived::Message));
             }
-            Seal::Known(opener) => match opener.message(self.motion, &bytes) {
-                Some(message) => {
+            Seal::Known {
+                keys,
+                opener,
+                until,
+            } => match opener.message(keys, self.motion, &bytes) {
+                Some(Opened::Message(message)) => {
+                    *until = None;
                     return Ok(match Message::read(&message, self.motion) {
                         Some(state @ Message::State(_)) => Arrived::Message(state),
                         Some(_) => Arrived::Nothing,
                         None => Arrived::Motion(message.into()),
                     });
+                }
+                Some(Opened::Keys { for_us }) => {
+                    until.take_if(|_| for_us);
+                    return Ok(Arrived::Nothing);
+                }
+                Some(Opened::Nothing) => {
+                    until.get_or_insert_with(|| Instant::now() + UNSEALED);
+                    return Ok(Arrived::Nothing);
                 }
                 None => sealed::read_seal(&bytes, self.id),
             },
@@ -177,13 +211,26 @@ impl Session {
         };
         if let Some(lines) = of_forwarder {
             let terms = Terms::read(&self.authentication, &self.room, self.avatar, lines)?;
-            if let Seal::Known(opener) = &mut self.seal
+            if let Seal::Known { opener, .. } = &mut self.seal
                 && (opener.is_newer_than(&terms) || opener.renew(&terms))
             {
                 return Ok(Arrived::Nothing);
             }
             self.sender = terms.sender();
-            self.seal = Seal::Known(Box::new(Opener::new(terms)?));
+            let opener = Box::new(Opener::new(terms)?);
+            self.seal = match std::mem::replace(&mut self.seal, Seal::None) {
+                Seal::None => Seal::None,
+                Seal::Awaited { keys, until } => Seal::Known {
+                    keys,
+                    opener,
+                    until: Some(until),
+                },
+                Seal::Known { keys, .. } => Seal::Known {
+                    keys,
+                    opener,
+                    until: Some(Instant::now() + UNSEALED_AGAIN),
+                },
+            };
             return Ok(Arrived::Unsealed);
         }
         Ok(match Message::read(&bytes, self.id) {
@@ -192,9 +239,14 @@ impl Session {
         })
     }
 
-    /// Whether what is handed on could not be opened for so long.
-    pub(crate) fn waits_for_seal(&self, longest: Duration) -> bool {
-        matches!(self.seal, Seal::Awaited { since } if since.elapsed() > longest)
+    /// Whether what is handed on cannot be opened: its keys have not come, or are of another sender's.
+    pub(crate) fn cannot_open(&self) -> bool {
+        let until = match &self.seal {
+            Seal::None => None,
+            Seal::Awaited { until, .. } => Some(*until),
+            Seal::Known { until, .. } => *until,
+        };
+        until.is_some_and(|until| Instant::now() > until)
     }
 
     /// Whether something has still to come by which what is handed on is opened.
@@ -212,7 +264,7 @@ impl Session {
         match &mut self.seal {
             Seal::None => Some(packet),
             Seal::Awaited { .. } => None,
-            Seal::Known(opener) => opener.voice(&packet),
+            Seal::Known { keys, opener, .. } => opener.voice(keys, &packet),
         }
     }
 
@@ -231,12 +283,12 @@ impl Session {
     }
 
     /// Compares the two sides' clocks by a pong that has just arrived.
-    pub(crate) fn compare_clocks(&mut self, pong: Pong, clock: Clock) {
-        let exchange = Exchange {
+    pub(crate) fn compare_clocks(&mut self, pong: Pong, here: Clock) {
+        let exchange = clock::Exchange {
             sent: pong.asked,
             arrived: pong.arrived,
             left: pong.left,
-            returned: clock.now(),
+            returned: here.now(),
         };
         if let Err(error) = self.offset.observe(&exchange) {
             log::debug!("ignored a pong: {error}");

@@ -30,9 +30,6 @@ use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 /// Silence after which a second connection is made beside the silent one: SCTP alone takes 15 s to recover from an outage of 10 s.
 const SILENCE: Duration = Duration::from_millis(800);
 
-/// What a forwarder hands on is opened after so long, or never.
-const UNSEALED: Duration = Duration::from_secs(4);
-
 /// From the offer to the open channel, on a path whose round trip is unknown ...
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
 
@@ -267,7 +264,9 @@ impl Call {
                         }
                     }
                     // The silent connection has recovered: no second one is needed.
-                    if let Some(second) = joining.take() {
+                    if !session.cannot_open()
+                        && let Some(second) = joining.take()
+                    {
                         second.abort();
                     }
                 }
@@ -338,8 +337,7 @@ impl Call {
                     let Some(session) = &mut current else {
                         continue;
                     };
-                    let is_silent =
-                        session.last_heard.elapsed() > SILENCE || session.waits_for_seal(UNSEALED);
+                    let is_silent = session.last_heard.elapsed() > SILENCE || session.cannot_open();
                     if is_silent && joining.is_none() {
                         log::warn!("the sender is silent: connecting again");
                         joining = Some(self.start_joining(Duration::ZERO));

@@ -1,6 +1,10 @@
 //! What a sender writes so that a forwarder can hand it on and not read it (`docs/protocol.md`, "Sealed"): the frame around sealed bytes, and the lines by
 //! which a viewer finds the key. The cryptography is the call's.
 
+/// How the line begins by which the sender and a viewer whom it hands over agree on a key: of the viewer's offer, and of
+/// the sender's answer, from which the server takes it over into its forwarder's.
+pub const EXCHANGE_LINE: &str = "a=mon3tr-exchange:";
+
 /// The first byte of each message.
 const SEALED: u8 = 20;
 const SEAL: u8 = 21;
@@ -49,6 +53,18 @@ impl Header {
     }
 }
 
+/// The forwarder's answer with the sender's line about the keys, which is in the sender's own `refusal`.
+#[must_use]
+pub fn with_exchange(answer: &str, refusal: &str) -> String {
+    let mut lines = refusal.lines();
+    let Some(line) = lines.find(|line| line.starts_with(EXCHANGE_LINE)) else {
+        return answer.to_owned();
+    };
+    let media = answer.find("\nm=").map_or(answer.len(), |at| at + 1);
+    let (session, media) = answer.split_at(media);
+    format!("{session}{}\r\n{media}", line.trim_end())
+}
+
 /// Writes the lines of a seal, for the other side's `session`, into `out`, which is cleared first.
 pub fn write_seal(session: u32, lines: &str, out: &mut Vec<u8>) {
     out.clear();
@@ -85,6 +101,16 @@ mod tests {
         }
         message[0] = 19;
         assert_eq!(Header::read(&message), None, "another kind");
+    }
+
+    #[test]
+    fn a_forwarders_answer_gets_the_senders_line_before_its_media() {
+        let answer = "v=0\r\na=mon3tr-forwarder\r\nm=application 9\r\n";
+        let refusal = "v=0\r\na=mon3tr-refused:full\r\na=mon3tr-exchange:a 1 b\r\na=other:c\r\n";
+        let expected =
+            "v=0\r\na=mon3tr-forwarder\r\na=mon3tr-exchange:a 1 b\r\nm=application 9\r\n";
+        assert_eq!(with_exchange(answer, refusal), expected);
+        assert_eq!(with_exchange(answer, "v=0\r\n"), answer);
     }
 
     #[test]

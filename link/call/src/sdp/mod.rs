@@ -32,6 +32,8 @@ pub(crate) struct Shown {
     pub(crate) permit: Option<String>,
     pub(crate) guest: Option<String>,
     pub(crate) name: Option<String>,
+    /// The side's half of the agreement on the keys of what a forwarder hands on.
+    pub(crate) exchange: Option<String>,
 }
 
 impl Shown {
@@ -54,6 +56,7 @@ impl Shown {
             "mon3tr-permit" => &mut self.permit,
             "mon3tr-guest" => &mut self.guest,
             "mon3tr-name" => &mut self.name,
+            "mon3tr-exchange" => &mut self.exchange,
             _ => return Ok(false),
         };
         let value = value.ok_or_else(|| line.wrong("the attribute has no value"))?;

@@ -58,10 +58,22 @@ impl Outlet<'_> {
         let Some(sealer) = &mut self.sealer else {
             return self.peer.try_send(message).await;
         };
+        if !sealer.has_viewers() {
+            return SendOutcome::Skipped;
+        }
         if !sealer.message(self.session, message, &mut self.sealed) {
             return SendOutcome::Closed;
         }
         self.peer.try_send(&self.sealed).await
+    }
+
+    /// Sends a message of keys, which forwarders hand on.
+    async fn tell_keys(&mut self, keys: &[u8]) {
+        if let Some(sealer) = &mut self.sealer
+            && sealer.keys(self.session, keys, &mut self.sealed)
+        {
+            self.peer.try_send(&self.sealed).await;
+        }
     }
 
     async fn say(&mut self, Voice { captured, opus }: Voice) -> bool {
@@ -85,12 +97,11 @@ impl Shared {
         name: &Name,
         offer: &Offer,
     ) -> Result<Admitted, CallError> {
-        // What is sealed with a secret is of no use to a forwarder, so it has nothing to prove. Without a secret, and between the people of a call, there is
-        // none: nobody could open what is sealed, or each could pass for another.
+        // What is sealed is of no use to a forwarder, so it has nothing to prove.
         let hands_over =
-            self.places.forwards.load(Relaxed) && room.secret().is_some() && !room.is_seat();
+            self.places.forwards.load(Relaxed) && introduction::may_be_handed_over(room);
         if offer.forwards && hands_over {
-            let sealer = Sealer::new(room, self.avatar)?;
+            let sealer = Sealer::new(room, self.avatar, self.epochs.clone())?;
             return match take(&self.places.forwarders) {
                 Some(place) => Ok(Admitted {
                     offer: Description::read(&offer.sdp)?,
@@ -98,7 +109,7 @@ impl Shared {
                     place: Some(place),
                     sealer,
                 }),
-                None => Err(CallError::HandedOver),
+                None => Err(CallError::HandedOver { exchange: None }),
             };
         }
         let own = self.credentials.as_ref();
@@ -131,11 +142,19 @@ impl Shared {
             }),
             None if hands_over && may_be_handed_over => {
                 // Before the answer: the viewer may be removed as soon as it is there.
-                Err(if self.door.hand_over(visitor, name.clone()) {
-                    CallError::HandedOver
-                } else {
-                    CallError::TooManyViewers
-                })
+                if !self.door.hand_over(visitor, name.clone()) {
+                    return Err(CallError::TooManyViewers);
+                }
+                let exchange = offer_read.shown.exchange.as_deref();
+                match self.epochs.admit(name, exchange, room, self.avatar) {
+                    Ok(exchange) => Err(CallError::HandedOver {
+                        exchange: Some(exchange),
+                    }),
+                    Err(why) => {
+                        self.door.left(name);
+                        Err(why)
+                    }
+                }
             }
             None => Err(CallError::TooManyViewers),
         }
@@ -158,9 +177,17 @@ impl Shared {
     }
 
     /// Answers a viewer that is not taken.
-    async fn refuse(&self, room: &RoomLink, name: &Name, refusal: Refusal) {
+    async fn refuse(&self, room: &RoomLink, name: &Name, why: &CallError) {
+        let refusal = why.refusal();
         log::debug!("a viewer is refused: {refusal:?}");
-        if let Err(error) = self.client.answer(room, name, &refusal.answer()).await {
+        let mut answer = refusal.answer();
+        if let CallError::HandedOver {
+            exchange: Some(exchange),
+        } = why
+        {
+            answer.push_str(&format!("{}{exchange}\r\n", sealed::EXCHANGE_LINE));
+        }
+        if let Err(error) = self.client.answer(room, name, &answer).await {
             log::debug!("a viewer was not told why it is not taken: {error}");
         }
     }
@@ -198,17 +225,17 @@ pub(super) async fn serve_viewer(
         prepared = shared.prepare(&room, name, &offer, plan) => prepared,
         // It has left, or makes room for newer offers.
         () = is_set(&mut left) => {
-            shared.refuse(&room, name, Refusal::Many).await;
+            shared.refuse(&room, name, &CallError::TooManyViewers).await;
             return Ok(());
         }
     };
     let (admitted, mut peer, answer) = match prepared {
         Ok(prepared) => prepared,
         Err(why) => {
-            shared.refuse(&room, name, why.refusal()).await;
+            shared.refuse(&room, name, &why).await;
             return match why {
                 // The performer has nothing to do about it.
-                CallError::HandedOver => Ok(()),
+                CallError::HandedOver { .. } => Ok(()),
                 CallError::Refused(Refusal::Seat) => Err(CallError::NotSeated),
                 CallError::Refused(Refusal::Link) => Err(why),
                 // They are told, and so is the performer, at the door.
@@ -315,6 +342,7 @@ async fn send_motion(
     let mut losses = shared.copies.join(shared.channel);
     let mut telling = Telling::begin(&shared.privacy);
     let mut seals = Repeated::default();
+    let mut keys = shared.epochs.telling();
     loop {
         tokio::select! {
             // In this order: the last frame before the bye, the bye before any flood of the viewer's, and its messages before the
@@ -379,6 +407,7 @@ async fn send_motion(
                     outlet.peer.try_send(&out).await;
                 }
             }
+            message = keys.due(), if outlet.sealer.is_some() => outlet.tell_keys(&message).await,
             () = is_set(left) => return "it left",
             // Without a bye, which would say that the sender hung up: it offers again, and is told why it is not taken.
             why = &mut sent_away => return why,

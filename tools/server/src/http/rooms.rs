@@ -14,9 +14,9 @@ use axum::extract::rejection::BytesRejection;
 use axum::extract::{Extension, Path, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use link_protocol::Refusal;
 use link_protocol::limits::DEFAULT_ROOM_LIFETIME;
 use link_protocol::rooms::{OpenRoom, OpenedRoom, RoomStatus, SDP_MEDIA_TYPE, ViewerToken};
+use link_protocol::{Refusal, sealed};
 use std::sync::Arc;
 
 type Body = Result<Bytes, BytesRejection>;
@@ -160,7 +160,7 @@ pub(super) async fn join(
                     if taken.is_none() {
                         RoomHere::new(&app, room).left(&session.into()).await;
                     }
-                    taken
+                    taken.map(|answer| sealed::with_exchange(&answer, &sdp))
                 }
                 _ => None,
             };
