@@ -25,6 +25,8 @@ pub enum Purpose {
     Guest,
     /// What a sender is called, on a connection to one viewer.
     Name,
+    /// A sender's half of the agreement on the keys of what a forwarder hands on, for one viewer.
+    Exchange,
     /// A member's key, which the other members of a call are shown.
     Member,
 }
@@ -41,6 +43,7 @@ impl Purpose {
             Self::Seal => b"mon3tr seal 1\n",
             Self::Guest => b"mon3tr guest 1\n",
             Self::Name => b"mon3tr name 1\n",
+            Self::Exchange => b"mon3tr exchange 1\n",
             Self::Member => b"mon3tr member 1\n",
         };
         [name, text].concat()

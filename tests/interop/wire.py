@@ -135,19 +135,30 @@ class Exchange:
             raise Refused("exchange")
         sender, epoch, sealed = halves[0].split(" ")
         sender = of_base64url(sender)
+        if not link.is_proved(answer, "exchange", [link.room, avatar, base64url(self.public), halves[0]]):
+            raise Refused("exchange")
         info = f"mon3tr exchange 1\n{link.room}\n{avatar}\n".encode() + self.public + sender
         agreed = self.private.exchange(X25519PublicKey.from_public_bytes(sender))
         self.cipher = ChaCha20Poly1305(HKDF(SHA256(), 32, link.secret, info).derive(agreed))
         self.learn(int(epoch), of_base64url(sealed))
 
     def learn(self, epoch, sealed):
-        self.epochs[epoch] = self.cipher.decrypt(bytes(8) + epoch.to_bytes(4, "little"), sealed, None)
+        """Takes the key of a newer epoch than those before, of which the last one is kept."""
+        from cryptography.exceptions import InvalidTag
+
+        if epoch <= max(self.epochs, default=0):
+            return
+        try:
+            key = self.cipher.decrypt(bytes(8) + epoch.to_bytes(4, "little"), sealed, None)
+        except InvalidTag:
+            return
+        self.epochs = {epoch: key, **dict(sorted(self.epochs.items())[-1:])}
 
     def take(self, message):
         """Takes a message of keys; the one of this viewer, if it is there."""
         epoch = int.from_bytes(message[:4], "little")
-        for at in range(4, len(message), 56):
-            if message[at : at + 8] == self.public[:8] and epoch not in self.epochs:
+        for at in range(4, len(message) - 55, 56):
+            if message[at : at + 8] == self.public[:8]:
                 self.learn(epoch, message[at + 8 : at + 56])
 
 
@@ -168,7 +179,7 @@ class Opener:
         """The message within, or nothing; keys are taken."""
         if len(sealed) < SEALED_HEADER.size:
             return None
-        for _, key in sorted(self.exchange.epochs.items(), reverse=True)[:2]:
+        for _, key in sorted(self.exchange.epochs.items(), reverse=True):
             opened = self.opened(key, sealed)
             if opened is not None:
                 return opened

@@ -1,7 +1,7 @@
-//! The keys of what a server hands on. A sender and each viewer whom it hands over agree on a key of their own (X25519,
-//! RFC 7748; HKDF-SHA256, RFC 5869), by which the viewer gets the key of each *epoch*. An epoch begins when a viewer
-//! comes or leaves: whoever came later, has left, or learns the link afterwards opens nothing of the epochs before and
-//! after, though they kept all that passed the server.
+//! The keys of what a server hands on. A sender and each viewer that it hands over agree on a shared key (X25519, RFC
+//! 7748; HKDF-SHA256, RFC 5869), by which the viewer gets the key of each *epoch*. The sender begins an epoch when a
+//! viewer joins or leaves. A viewer cannot open what was sealed in the epochs before it joined or after it left, and
+//! the link's secret opens none of them, even for a server that has recorded all that it handed on.
 
 use crate::CallError;
 use data_encoding::BASE64URL_NOPAD;
@@ -15,23 +15,27 @@ use std::time::Duration;
 use tokio::sync::watch;
 use tokio::time::{Instant, sleep_until};
 
-/// An epoch lasts so long at least, and so many times what it takes to have all viewers know its key: what leaving and
-/// coming again and again costs.
+/// The shortest time from one epoch to the next, and the same as a multiple of what it takes to distribute its key:
+/// viewers that join and leave again and again cost no more than that.
 const SHORTEST: Duration = Duration::from_secs(1);
-const SHORTEST_GRACES: u32 = 4;
+const SHORTEST_DISTRIBUTIONS: u32 = 4;
 
 /// Viewers whose keys are in one message, which fits into one packet.
-const A_MESSAGE: usize = 16;
+const ENTRIES_PER_MESSAGE: usize = 16;
 
-/// A message of keys is sent so long after the one before, so many times to each viewer at first, within [`SPREAD`] in
-/// all; then one every [`AGAIN`], for viewers that have lost all of the first ones.
-const APART: Duration = Duration::from_millis(10);
-const TIMES: u32 = 2;
-const SPREAD: Duration = Duration::from_secs(2);
-const AGAIN: Duration = Duration::from_millis(400);
+/// Each viewer's key is sent so many times when an epoch begins, in messages so far apart, within [`LONGEST_ROUNDS`] in
+/// all.
+const FIRST_ROUNDS: u32 = 3;
+const MESSAGE_INTERVAL: Duration = Duration::from_millis(10);
+const LONGEST_ROUNDS: Duration = Duration::from_secs(2);
 
-/// From the last of them until the key is used, for networks to carry them.
-const ON_THE_WAY: Duration = Duration::from_millis(200);
+/// After the last of them the networks have so long to carry it before the key is used.
+const PROPAGATION: Duration = Duration::from_millis(200);
+
+/// Later a message goes out so often, for viewers that have lost all of the first ones: half of it for those that have
+/// joined within [`NEW`] and may have been connecting meanwhile.
+const REPEATED: Duration = Duration::from_millis(400);
+const NEW: Duration = Duration::from_secs(15);
 
 const KEY_BYTES: usize = 32;
 const PUBLIC_BYTES: usize = 32;
@@ -79,6 +83,11 @@ impl Exchange {
         BASE64URL_NOPAD.encode(&self.public)
     }
 
+    /// What the sender signs of its `answer` to this exchange.
+    pub(crate) fn signed(&self, room: &RoomLink, avatar: PackageId, answer: &str) -> String {
+        signed(room, avatar, &self.public, answer)
+    }
+
     /// The viewer's end, by the answer of the sender that hands it over.
     ///
     /// # Errors
@@ -103,7 +112,7 @@ impl Exchange {
             shared: agree(self.private, &sender, room, avatar, [&viewer, &sender])?,
             epochs: Vec::new(),
         };
-        let is_theirs = keys.learn(epoch, &sealed);
+        let is_theirs = keys.open_key(epoch, &sealed);
         is_theirs.then_some(keys).ok_or(CallError::NoExchange)
     }
 }
@@ -128,6 +137,11 @@ fn agree(
     key.and_then(|key| key).map_err(|_| CallError::NoExchange)
 }
 
+fn signed(room: &RoomLink, avatar: PackageId, viewer: &[u8; PUBLIC_BYTES], answer: &str) -> String {
+    let viewer = BASE64URL_NOPAD.encode(viewer);
+    format!("{}\n{avatar}\n{viewer}\n{answer}", room.room())
+}
+
 fn of_text<const N: usize>(text: &str) -> Option<[u8; N]> {
     let bytes = BASE64URL_NOPAD.decode(text.as_bytes()).ok()?;
     bytes.try_into().ok()
@@ -138,7 +152,7 @@ fn id(public: &[u8; PUBLIC_BYTES]) -> [u8; ID_BYTES] {
     *id
 }
 
-/// An epoch's key is sealed once for each viewer, so the epoch is nonce enough.
+/// The plaintext under a shared key is the same whenever an epoch's key is sealed, so the epoch may be the nonce.
 fn nonce(epoch: u32) -> Nonce {
     let mut nonce = [0; NONCE_LEN];
     nonce[NONCE_LEN - EPOCH_BYTES..].copy_from_slice(&epoch.to_le_bytes());
@@ -160,13 +174,13 @@ impl std::fmt::Debug for ViewerKeys {
 }
 
 impl ViewerKeys {
-    /// The keys by which something may be sealed now.
-    pub(crate) fn newest(&self) -> impl Iterator<Item = &EpochKey> {
-        self.epochs.iter().map(|(_, key)| key)
+    /// The epochs by whose keys something may be sealed now, and the keys.
+    pub(crate) fn newest(&self) -> &[(u32, EpochKey)] {
+        &self.epochs
     }
 
-    /// Takes a message of keys; whether one of them is for this viewer.
-    pub(crate) fn take(&mut self, message: &[u8]) -> bool {
+    /// Reads a message of keys; whether one of them is for this viewer.
+    pub(crate) fn read_message(&mut self, message: &[u8]) -> bool {
         let Some((epoch, entries)) = message.split_first_chunk() else {
             return false;
         };
@@ -174,12 +188,12 @@ impl ViewerKeys {
         let (entries, _) = entries.as_chunks::<ENTRY_BYTES>();
         entries.iter().any(|entry| {
             let (id, sealed) = entry.split_at(ID_BYTES);
-            *id == self.id && self.learn(epoch, sealed)
+            *id == self.id && self.open_key(epoch, sealed)
         })
     }
 
     /// Opens the key of an epoch, and keeps it if it is newer than those before; whether it is one for this viewer.
-    fn learn(&mut self, epoch: u32, sealed: &[u8]) -> bool {
+    fn open_key(&mut self, epoch: u32, sealed: &[u8]) -> bool {
         let mut bytes = sealed.to_vec();
         let opened = self
             .shared
@@ -207,15 +221,16 @@ struct State {
     before: EpochKey,
     begun: Instant,
     /// Until then the key before is used.
-    known_at: Instant,
-    /// Viewers have come or left since it began.
-    is_over: bool,
+    used_from: Instant,
+    /// Viewers have joined or left since it began.
+    membership_changed: bool,
     viewers: Vec<Viewer>,
 }
 
 #[derive(Debug)]
 struct Viewer {
     session: Name,
+    joined: Instant,
     id: [u8; ID_BYTES],
     shared: LessSafeKey,
 }
@@ -227,36 +242,38 @@ impl Default for Epochs {
             key: EpochKey::default(),
             before: EpochKey::default(),
             begun: Instant::now(),
-            known_at: Instant::now(),
-            is_over: false,
+            used_from: Instant::now(),
+            membership_changed: false,
             viewers: Vec::new(),
         })))
     }
 }
 
 impl State {
+    /// Messages of one round.
     fn messages(&self) -> u32 {
-        let messages = self.viewers.len().div_ceil(A_MESSAGE);
-        u32::try_from(messages).unwrap_or(u32::MAX / TIMES)
+        let messages = self.viewers.len().div_ceil(ENTRIES_PER_MESSAGE);
+        u32::try_from(messages).unwrap_or(u32::MAX / FIRST_ROUNDS)
     }
 
-    /// From one of the first messages to the next.
-    fn apart(&self) -> Duration {
-        APART.min(SPREAD / (self.messages() * TIMES).max(1))
+    /// From one message of the first rounds to the next.
+    fn interval(&self) -> Duration {
+        MESSAGE_INTERVAL.min(LONGEST_ROUNDS / (self.messages() * FIRST_ROUNDS).max(1))
     }
 
-    /// How long it takes to have all viewers know a key.
-    fn grace(&self) -> Duration {
-        self.apart() * self.messages() * TIMES + ON_THE_WAY
+    /// How long it takes until all viewers know a key.
+    fn distribution(&self) -> Duration {
+        self.interval() * self.messages() * FIRST_ROUNDS + PROPAGATION
     }
 
-    /// Begins the next epoch, if it is time to.
-    fn turn(&mut self, now: Instant) -> Result<(), CallError> {
-        let shortest = SHORTEST.max(self.grace() * SHORTEST_GRACES);
+    /// Begins the next epoch if viewers have joined or left and the present one has lasted long enough; whether it
+    /// does.
+    fn begin_next_if_due(&mut self, now: Instant) -> Result<bool, CallError> {
+        let shortest = SHORTEST.max(self.distribution() * SHORTEST_DISTRIBUTIONS);
         let is_first = self.epoch == 0;
         let lasts = !is_first && now.duration_since(self.begun) < shortest;
-        if !self.is_over || lasts {
-            return Ok(());
+        if !self.membership_changed || lasts {
+            return Ok(false);
         }
         let mut next = EpochKey::default();
         getrandom::fill(&mut next)?;
@@ -264,9 +281,17 @@ impl State {
         self.key = next;
         self.epoch += 1;
         self.begun = now;
-        self.known_at = now + self.grace();
-        self.is_over = false;
-        Ok(())
+        self.used_from = now + self.distribution();
+        self.membership_changed = false;
+        Ok(true)
+    }
+
+    /// An entry of a message for this viewer.
+    fn write_entry(&self, viewer: &Viewer, message: &mut Vec<u8>) {
+        if let Ok(sealed) = self.sealed_for(viewer) {
+            message.extend(viewer.id);
+            message.extend(sealed);
+        }
     }
 
     /// The newest epoch's key for this viewer.
@@ -282,7 +307,8 @@ impl State {
 }
 
 impl Epochs {
-    /// Has a viewer, whose offer has `exchange`, know the keys from now on; what it is answered.
+    /// Has a viewer, whose offer has `exchange`, know the keys from now on; what it is answered, and what the sender signs
+    /// of that.
     ///
     /// # Errors
     /// [`CallError::NoExchange`] if the offer has no key.
@@ -292,19 +318,20 @@ impl Epochs {
         exchange: Option<&str>,
         room: &RoomLink,
         avatar: PackageId,
-    ) -> Result<String, CallError> {
-        let viewer = exchange.and_then(of_text).ok_or(CallError::NoExchange)?;
+    ) -> Result<[String; 2], CallError> {
+        let theirs = exchange.and_then(of_text).ok_or(CallError::NoExchange)?;
         let own = Exchange::new()?;
         let (sender, text) = (own.public, own.text());
         let viewer = Viewer {
             session: session.clone(),
-            id: id(&viewer),
-            shared: agree(own.private, &viewer, room, avatar, [&viewer, &sender])?,
+            joined: Instant::now(),
+            id: id(&theirs),
+            shared: agree(own.private, &theirs, room, avatar, [&theirs, &sender])?,
         };
         let mut answer = Err(CallError::NoExchange);
         self.0.send_modify(|state| {
-            state.is_over = true;
-            answer = state.turn(Instant::now()).and_then(|()| {
+            state.membership_changed = true;
+            answer = state.begin_next_if_due(Instant::now()).and_then(|_| {
                 let sealed = state.sealed_for(&viewer)?;
                 let sealed = BASE64URL_NOPAD.encode(&sealed);
                 Ok(format!("{text} {} {sealed}", state.epoch))
@@ -313,7 +340,9 @@ impl Epochs {
                 state.viewers.push(viewer);
             }
         });
-        answer
+        let answer = answer?;
+        let signed = signed(room, avatar, &theirs, &answer);
+        Ok([answer, signed])
     }
 
     /// A viewer has left, or has to: it does not learn the keys of the epochs to come.
@@ -322,26 +351,31 @@ impl Epochs {
             let before = state.viewers.len();
             state.viewers.retain(|viewer| viewer.session != *session);
             let has_left = state.viewers.len() < before;
-            state.is_over |= has_left;
+            state.membership_changed |= has_left;
             has_left
         });
     }
 
-    /// By what is sealed now; nothing before there was a viewer who could open it.
-    pub(crate) fn now(&self) -> Option<EpochKey> {
+    /// The epoch by whose key is sealed now, and the key; nothing before the first viewer.
+    pub(crate) fn now(&self) -> Option<(u32, EpochKey)> {
         let state = self.0.borrow();
-        let is_known = Instant::now() >= state.known_at;
-        let key = if is_known { state.key } else { state.before };
-        (state.epoch > 0).then_some(key)
+        let is_known = Instant::now() >= state.used_from;
+        let used = if is_known {
+            (state.epoch, state.key)
+        } else {
+            (state.epoch.saturating_sub(1), state.before)
+        };
+        (state.epoch > 0).then_some(used)
     }
 
-    /// Tells the viewers behind one forwarder of the keys.
-    pub(crate) fn telling(&self) -> TellingKeys {
-        TellingKeys {
+    /// Distributes the keys to the viewers behind one forwarder.
+    pub(crate) fn distribution(&self) -> Distribution {
+        Distribution {
             epochs: self.clone(),
             changed: self.0.subscribe(),
             epoch: 0,
-            told: 0,
+            round: Vec::new(),
+            sent: 0,
             next: Instant::now(),
         }
     }
@@ -349,18 +383,20 @@ impl Epochs {
 
 /// Which message of keys is sent when.
 #[derive(Debug)]
-pub(crate) struct TellingKeys {
+pub(crate) struct Distribution {
     epochs: Epochs,
     changed: watch::Receiver<State>,
-    /// The epoch whose key is told, and how many messages of it were.
+    /// The epoch whose key is sent, and the sessions of its viewers when it began.
     epoch: u32,
-    told: u32,
+    round: Vec<Name>,
+    /// Messages of it that were sent.
+    sent: u32,
     next: Instant,
 }
 
-impl TellingKeys {
+impl Distribution {
     /// Waits until a message has to be sent: the epoch, and of some viewers the id and the key that is sealed for them.
-    /// May be cancelled.
+    /// May be cancelled. The same one comes again unless it is [`Self::sent`].
     pub(crate) async fn due(&mut self) -> Vec<u8> {
         loop {
             tokio::select! {
@@ -373,32 +409,54 @@ impl TellingKeys {
         }
     }
 
+    /// The message has been handed to the network.
+    pub(crate) fn sent(&mut self) {
+        self.sent = self.sent.saturating_add(1);
+    }
+
     fn message(&mut self, now: Instant) -> Option<Vec<u8>> {
+        // The distributions to other forwarders have to notice a new epoch, too.
         self.epochs.0.send_if_modified(|state| {
-            if let Err(why) = state.turn(now) {
+            let begins = state.begin_next_if_due(now);
+            begins.unwrap_or_else(|why| {
                 log::error!("what the server hands on gets no new key: {why}");
-            }
-            false
+                false
+            })
         });
         self.changed.mark_unchanged();
         let state = self.epochs.0.borrow();
         if state.epoch != self.epoch {
-            (self.epoch, self.told, self.next) = (state.epoch, 0, now);
+            let sessions = state.viewers.iter().map(|viewer| viewer.session.clone());
+            self.round = sessions.collect();
+            (self.epoch, self.sent, self.next) = (state.epoch, 0, now);
         }
         if now < self.next {
             return None;
         }
-        let messages = state.messages();
-        let is_first = self.told < messages * TIMES;
-        self.next = now + if is_first { state.apart() } else { AGAIN };
-        let at = self.told.checked_rem(messages)?;
-        self.told = self.told.saturating_add(1);
+        let messages = self.round.len().div_ceil(ENTRIES_PER_MESSAGE);
+        let rounds = (self.sent as usize).checked_div(messages);
+        let is_first = rounds.is_some_and(|rounds| rounds < FIRST_ROUNDS as usize);
+        self.next = now + if is_first { state.interval() } else { REPEATED };
         let mut message = state.epoch.to_le_bytes().to_vec();
-        for viewer in state.viewers.chunks(A_MESSAGE).nth(at as usize)? {
-            message.extend(viewer.id);
-            message.extend(state.sealed_for(viewer).ok()?);
+        if is_first {
+            let at = self.sent as usize % messages.max(1);
+            let sessions = self.round.chunks(ENTRIES_PER_MESSAGE).nth(at)?;
+            let is_meant = |viewer: &&Viewer| sessions.contains(&viewer.session);
+            for viewer in state.viewers.iter().filter(is_meant) {
+                state.write_entry(viewer, &mut message);
+            }
+        } else {
+            let new = (state.viewers.iter()).filter(|viewer| now < viewer.joined + NEW);
+            let halves = [new.collect::<Vec<_>>(), state.viewers.iter().collect()];
+            for half in halves {
+                let begin = self.sent as usize * (ENTRIES_PER_MESSAGE / 2);
+                let entries = half.len().min(ENTRIES_PER_MESSAGE / 2);
+                for at in begin..begin + entries {
+                    state.write_entry(half.get(at % half.len())?, &mut message);
+                }
+            }
         }
-        Some(message)
+        (message.len() > EPOCH_BYTES).then_some(message)
     }
 }
 
@@ -430,7 +488,8 @@ pub(crate) mod tests {
     ) -> ViewerKeys {
         let viewer = Exchange::new().expect("random");
         let answer = epochs.admit(&session(number), Some(&viewer.text()), room, avatar);
-        let answer = answer.expect("admitted");
+        let [answer, signed] = answer.expect("admitted");
+        assert_eq!(signed, viewer.signed(room, avatar, &answer));
         viewer.accept(&answer, room, avatar).expect("the answer")
     }
 
@@ -442,25 +501,30 @@ pub(crate) mod tests {
     fn pass(epochs: &Epochs) {
         epochs.0.send_modify(|state| {
             state.begun -= Duration::from_secs(60);
-            state.known_at = state.begun;
+            state.used_from = state.begun;
         });
     }
 
-    /// All that is told of the newest epoch, once.
+    /// One round of the newest epoch's key.
     fn told(epochs: &Epochs) -> Vec<Vec<u8>> {
-        let mut telling = epochs.telling();
+        let mut distribution = epochs.distribution();
         let mut now = Instant::now();
-        let first = telling.message(now);
+        let first = distribution.message(now);
         let messages = epochs.0.borrow().messages();
         let rest = (1..messages).map(|_| {
-            now += SPREAD;
-            telling.message(now).expect("one more")
+            now += LONGEST_ROUNDS;
+            distribution.sent();
+            distribution.message(now).expect("one more")
         });
         first.into_iter().chain(rest).collect()
     }
 
+    fn used(epochs: &Epochs) -> EpochKey {
+        epochs.now().expect("a key").1
+    }
+
     fn knows(keys: &ViewerKeys, key: EpochKey) -> bool {
-        keys.newest().any(|known| *known == key)
+        keys.newest().iter().any(|(_, known)| *known == key)
     }
 
     #[test]
@@ -468,30 +532,28 @@ pub(crate) mod tests {
         let epochs = Epochs::default();
         assert_eq!(epochs.now(), None, "nobody could open it");
         let mut ada = comes_in(&epochs, 1);
-        let first = epochs.now().expect("a key");
+        let first = used(&epochs);
         assert!(knows(&ada, first));
         pass(&epochs);
         let mut bob = comes_in(&epochs, 2);
-        assert_eq!(epochs.now(), Some(first), "Ada does not know the next yet");
+        assert_eq!(used(&epochs), first, "Ada does not know the next yet");
         assert!(!knows(&bob, first), "what was before he came");
         for message in told(&epochs) {
-            assert!(ada.take(&message));
-            bob.take(&message);
+            assert!(ada.read_message(&message));
+            bob.read_message(&message);
         }
         pass(&epochs);
-        let second = epochs.now().expect("a key");
+        let second = used(&epochs);
         assert!(second != first && knows(&ada, second) && knows(&bob, second));
         // Bob leaves, and keeps reading what passes.
         epochs.leave(&session(2));
         for message in told(&epochs) {
-            assert!(ada.take(&message));
-            bob.take(&message);
+            assert!(ada.read_message(&message));
+            bob.read_message(&message);
         }
         pass(&epochs);
-        let third = epochs.now().expect("a key");
+        let third = used(&epochs);
         assert!(third != second && knows(&ada, third) && !knows(&bob, third));
-        // What was said before is of no use to those who learn all that Ada still knows.
-        assert!(!knows(&ada, first) && knows(&ada, second));
     }
 
     #[test]
@@ -503,16 +565,16 @@ pub(crate) mod tests {
             epochs.leave(&session(number));
         }
         assert_eq!(epochs.0.borrow().epoch, 1);
-        assert!(knows(&keys, epochs.now().expect("a key")));
+        assert!(knows(&keys, used(&epochs)));
         pass(&epochs);
         let [message] = &told(&epochs)[..] else {
             panic!("one viewer");
         };
         assert_eq!(message.len(), EPOCH_BYTES + ENTRY_BYTES);
         assert_eq!(epochs.0.borrow().epoch, 2, "the next one");
-        assert!(keys.take(message));
+        assert!(keys.read_message(message));
         pass(&epochs);
-        assert!(knows(&keys, epochs.now().expect("a key")));
+        assert!(knows(&keys, used(&epochs)));
     }
 
     #[test]
@@ -522,16 +584,16 @@ pub(crate) mod tests {
         pass(&epochs);
         epochs.leave(&session(199));
         let messages = told(&epochs);
-        assert_eq!(messages.len(), 199usize.div_ceil(A_MESSAGE));
+        assert_eq!(messages.len(), 199usize.div_ceil(ENTRIES_PER_MESSAGE));
         for keys in &mut all {
             for message in &messages {
-                keys.take(message);
+                keys.read_message(message);
             }
         }
         assert!(messages.iter().all(|message| message.len() < 1_000));
-        assert!(epochs.0.borrow().grace() < Duration::from_secs(3));
+        assert!(epochs.0.borrow().distribution() < Duration::from_secs(3));
         pass(&epochs);
-        let key = epochs.now().expect("a key");
+        let key = used(&epochs);
         let know = all.iter().filter(|keys| knows(keys, key)).count();
         assert_eq!(know, 199, "all but the one who left");
     }
@@ -542,7 +604,7 @@ pub(crate) mod tests {
         let viewer = Exchange::new().expect("random");
         let text = viewer.text();
         let answer = epochs.admit(&session(1), Some(&text), &room(1), avatar());
-        let answer = answer.expect("admitted");
+        let [answer, _] = answer.expect("admitted");
         // Whoever has no link cannot be in between, nor change the answer.
         let refused = |answer: &str, room: &RoomLink| {
             let viewer = Exchange::new().expect("random");
@@ -552,7 +614,7 @@ pub(crate) mod tests {
         assert!(refused("", &room(1)) && refused("x 1 y", &room(1)));
         let other = Exchange::new().expect("random");
         let of_other = epochs.admit(&session(2), Some(&other.text()), &room(2), avatar());
-        let of_other = of_other.expect("admitted with another secret");
+        let [of_other, _] = of_other.expect("admitted with another secret");
         assert!(other.accept(&of_other, &room(1), avatar()).is_err());
         for exchange in [None, Some(""), Some("AAAA")] {
             let refused = epochs.admit(&session(3), exchange, &room(1), avatar());
@@ -567,10 +629,67 @@ pub(crate) mod tests {
         for at in 0..message.len() {
             let mut changed = message.clone();
             changed[at] ^= 1;
-            assert!(!keys.take(&changed) && !keys.take(&message[..at]));
+            assert!(!keys.read_message(&changed) && !keys.read_message(&message[..at]));
             assert_eq!(keys.epochs.len(), 1, "byte {at}");
         }
-        assert!(keys.take(message) && keys.take(message));
+        assert!(keys.read_message(message) && keys.read_message(message));
         assert_eq!(keys.epochs.len(), 2, "once");
+    }
+
+    #[test]
+    fn each_forwarder_is_sent_the_keys_of_an_epoch_at_once_and_again_what_it_could_not_take() {
+        let epochs = Epochs::default();
+        let mut ada = comes_in(&epochs, 1);
+        let [mut one, mut two] = [(); 2].map(|()| epochs.distribution());
+        let mut now = Instant::now();
+        for distribution in [&mut one, &mut two] {
+            assert!(distribution.message(now).is_some());
+            distribution.sent();
+            while distribution.next > now {
+                now += MESSAGE_INTERVAL;
+            }
+        }
+        comes_in(&epochs, 2);
+        assert_eq!(epochs.0.borrow().epoch, 1, "too early for another one");
+        [&mut one, &mut two].map(|it| it.changed.mark_unchanged());
+        pass(&epochs);
+        [&mut one, &mut two].map(|it| it.changed.mark_unchanged());
+        let of_one = one.message(now + REPEATED).expect("the next epoch");
+        assert_eq!(epochs.0.borrow().epoch, 2);
+        assert_eq!(two.changed.has_changed().ok(), Some(true), "it wakes up");
+        let of_two = two.message(now + REPEATED).expect("the same");
+        assert_eq!(of_one, of_two);
+        let again = one.message(now + 2 * REPEATED);
+        assert_eq!(again, Some(of_one), "it was not sent");
+        assert!(ada.read_message(&of_two));
+    }
+
+    #[test]
+    fn a_viewer_that_was_connecting_gets_the_next_key_soon_however_many_there_are() {
+        let epochs = Epochs::default();
+        for number in 0..250 {
+            comes_in(&epochs, number);
+        }
+        epochs.0.send_modify(|state| {
+            for viewer in &mut state.viewers {
+                viewer.joined -= NEW;
+            }
+        });
+        let mut late = comes_in(&epochs, 250);
+        pass(&epochs);
+        epochs.leave(&session(0));
+        let mut distribution = epochs.distribution();
+        let mut now = Instant::now();
+        // It is connecting, and gets nothing of the first rounds.
+        for at in 0..FIRST_ROUNDS * 16 {
+            assert!(distribution.message(now).is_some(), "message {at}");
+            distribution.sent();
+            now += MESSAGE_INTERVAL;
+        }
+        let key = epochs.0.borrow().key;
+        assert!(!knows(&late, key));
+        let repeated = distribution.message(now).expect("one more");
+        assert!(late.read_message(&repeated));
+        assert!(knows(&late, key));
     }
 }

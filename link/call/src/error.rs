@@ -54,8 +54,8 @@ pub enum CallError {
     /// The server serves this viewer, in place of the sender.
     #[error("the sender has many viewers: the server serves this one")]
     HandedOver {
-        /// What the viewer is answered of the keys of what the server hands on; a forwarder is answered nothing.
-        exchange: Option<String>,
+        /// Lines of the answer: the sender's half of the agreement on the keys of what the server hands on.
+        exchange: String,
     },
     /// No key was agreed on for what the server hands on.
     #[error(

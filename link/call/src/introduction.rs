@@ -108,7 +108,7 @@ impl Credentials {
     fn lines(&self, purpose: Purpose, text: &str) -> String {
         let signed = self.identity.sign_as_text(purpose, text.as_bytes());
         let mut lines = format!("{KEY_LINE}{signed}\r\n");
-        let drives = matches!(purpose, Purpose::Sender | Purpose::Seal);
+        let drives = matches!(purpose, Purpose::Sender | Purpose::Seal | Purpose::Exchange);
         if let Some(permit) = self.permit.filter(|_| drives) {
             lines.push_str(&format!("{PERMIT_LINE}{permit}\r\n"));
         }
@@ -270,6 +270,20 @@ impl Authentication {
     ) -> Result<Option<PublicKey>, CallError> {
         let sender = self.take_sender(room, purpose, text, &Shown::read(lines)?)?;
         Ok(sender.map(|sender| sender.key))
+    }
+
+    /// As [`Self::check`], of the half of the agreement on keys that the sender sends by a forwarder's answer; what the
+    /// sender says, of which `signed` makes what it signs.
+    pub(crate) fn check_exchange<'a>(
+        &self,
+        room: &RoomLink,
+        answer: &'a Description,
+        signed: impl FnOnce(&str) -> String,
+    ) -> Result<&'a str, CallError> {
+        let said = answer.shown.exchange.as_deref();
+        let said = said.ok_or(CallError::NoExchange)?;
+        self.take_sender(room, Purpose::Exchange, &signed(said), &answer.shown)?;
+        Ok(said)
     }
 
     fn take_sender(

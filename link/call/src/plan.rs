@@ -32,6 +32,9 @@ const OTHER_ADDRESS: Duration = Duration::from_millis(100);
 /// How long what was found holds: a server that was restarted, or a network that lets more through, is noticed after this.
 const HOLDS: Duration = Duration::from_secs(60);
 
+/// The same of a look-up that found nothing.
+const NOT_FOUND_HOLDS: Duration = Duration::from_secs(10);
+
 /// What a relay is reached over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -89,7 +92,7 @@ struct Known {
     here: BTreeSet<IpAddr>,
     /// Which addresses of a server answer, by its host and port.
     answers: HashMap<(String, u16), (Vec<SocketAddr>, Instant)>,
-    /// How near the servers are that the room's server may name.
+    /// How near the servers are that the room's server may name, and until when that holds.
     nearest: Option<(ServerUrl, Scope, Instant)>,
     tunnels: HashMap<(String, u16), Tunnel>,
 }
@@ -116,12 +119,15 @@ impl Known {
     /// How near the addresses are that this server may name.
     async fn nearest(&mut self, server: &ServerUrl) -> Scope {
         match &self.nearest {
-            Some((known, scope, since)) if known == server && since.elapsed() < HOLDS => *scope,
+            Some((known, scope, until)) if known == server && Instant::now() < *until => *scope,
             _ => {
-                let scope = Scope::of_server(server).await;
-                self.nearest = scope.map(|scope| (server.clone(), scope, Instant::now()));
-                // One that is found only by a proxy is on the internet.
-                scope.unwrap_or(Scope::Internet)
+                let (scope, holds) = match Scope::of_server(server).await {
+                    Some(scope) => (scope, HOLDS),
+                    // One that is found only by a proxy is on the internet.
+                    None => (Scope::Internet, NOT_FOUND_HOLDS),
+                };
+                self.nearest = Some((server.clone(), scope, Instant::now() + holds));
+                scope
             }
         }
     }

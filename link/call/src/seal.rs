@@ -8,7 +8,7 @@
 //! `docs/security.md` says so.
 
 use crate::CallError;
-use crate::epochs::{Epochs, ViewerKeys};
+use crate::epochs::{EpochKey, Epochs, ViewerKeys};
 use crate::introduction::{self, Authentication, Credentials};
 use crate::voice_track::VoicePacket;
 use bytes::Bytes;
@@ -67,6 +67,8 @@ pub(crate) struct Sealer {
     /// By which keys are sealed.
     for_keys: LessSafeKey,
     epochs: Epochs,
+    /// The epoch by whose key is sealed, and that key for this connection.
+    sealing: Option<(u32, LessSafeKey)>,
     messages: u32,
     packets: u32,
 }
@@ -98,6 +100,7 @@ impl Sealer {
             for_keys: connection.key_of_link()?,
             connection,
             epochs,
+            sealing: None,
             messages: 0,
             packets: 0,
         }))
@@ -115,11 +118,11 @@ impl Sealer {
 
     /// Writes `message` sealed into `out`, which is cleared first; whether that was possible.
     pub(crate) fn message(&mut self, session: u32, message: &[u8], out: &mut Vec<u8>) -> bool {
-        let Some(key) = self.key_of_epoch() else {
+        let counter = next(&mut self.messages);
+        let Some((counter, key)) = counter.zip(self.key_of_epoch()) else {
             return false;
         };
-        let counter = next(&mut self.messages);
-        counter.is_some_and(|counter| seal(&key, Header { session, counter }, message, out))
+        seal(key, Header { session, counter }, message, out)
     }
 
     /// The same of a message of keys.
@@ -134,14 +137,22 @@ impl Sealer {
         self.epochs.now().is_some()
     }
 
-    fn key_of_epoch(&self) -> Option<LessSafeKey> {
-        self.connection.key(&self.epochs.now()?).ok()
+    fn key_of_epoch(&mut self) -> Option<&LessSafeKey> {
+        let (epoch, key) = self.epochs.now()?;
+        if self
+            .sealing
+            .as_ref()
+            .is_none_or(|(sealing, _)| *sealing != epoch)
+        {
+            self.sealing = Some((epoch, self.connection.key(&key).ok()?));
+        }
+        self.sealing.as_ref().map(|(_, key)| key)
     }
 
     /// A packet of voice with this time stamp, sealed.
     pub(crate) fn voice(&mut self, timestamp: u32, opus: &[u8]) -> Option<Bytes> {
-        let key = self.key_of_epoch()?;
         let counter = next(&mut self.packets)?;
+        let key = self.key_of_epoch()?;
         let mut packet = Vec::with_capacity(COUNTER_BYTES + opus.len() + TAG_BYTES);
         packet.extend(counter.to_le_bytes());
         packet.extend(opus);
@@ -226,6 +237,8 @@ pub(crate) struct Opener {
     connection: Connection,
     /// By which keys are sealed.
     for_keys: LessSafeKey,
+    /// The newest epochs, and their keys for this connection.
+    opening: Vec<(u32, LessSafeKey)>,
     /// Of the newest lines, by the sender's clock.
     time: u64,
     messages: Replays,
@@ -244,6 +257,7 @@ impl Opener {
         Ok(Self {
             for_keys: terms.connection.key_of_link()?,
             connection: terms.connection,
+            opening: Vec::new(),
             time: terms.time,
             messages: Replays::after(terms.messages),
             packets: Replays::after(terms.packets),
@@ -279,11 +293,11 @@ impl Opener {
             return is_new.then_some(Opened::Message(message));
         }
         match self.open(&self.for_keys, nonce(), &aad, rest) {
-            Some(message) if self.messages.is_new(counter) => {
-                let for_us = keys.take(&message);
+            // Of no account for the counters: whoever has the link's secret can write one.
+            Some(message) => {
+                let for_us = keys.read_message(&message);
                 Some(Opened::Keys { for_us })
             }
-            Some(_) => None,
             None => Some(Opened::Nothing),
         }
     }
@@ -302,14 +316,19 @@ impl Opener {
 
     /// By the first of the newest keys that opens it.
     fn open_by(
-        &self,
+        &mut self,
         keys: &ViewerKeys,
         nonce: impl Fn() -> Nonce,
         aad: &[u8],
         sealed: &[u8],
     ) -> Option<Vec<u8>> {
-        let keys = (keys.newest()).filter_map(|key| self.connection.key(key).ok());
-        let mut opened = keys.map(|key| self.open(&key, nonce(), aad, sealed));
+        let newest = keys.newest().first().map(|(epoch, _)| epoch);
+        if newest != self.opening.first().map(|(epoch, _)| epoch) {
+            let derived =
+                |(epoch, key): &(u32, EpochKey)| Some((*epoch, self.connection.key(key).ok()?));
+            self.opening = keys.newest().iter().filter_map(derived).collect();
+        }
+        let mut opened = (self.opening.iter()).map(|(_, key)| self.open(key, nonce(), aad, sealed));
         opened.find_map(|opened| opened)
     }
 
@@ -470,13 +489,14 @@ mod tests {
         assert!(sealer.keys(5, b"a frame", &mut second));
         assert_eq!(open(5, &second), Some(Opened::Keys { for_us: false }));
         let (mut other, other_lines, mut others_keys) = three(None);
+        let mut without = Opener::new(terms(&lines)).expect("a key");
         assert!(other.message(5, b"a frame", &mut second));
         assert_eq!(open(5, &second), Some(Opened::Nothing), "another sender's");
         assert!(opener.renew(&terms(&sealer.lines(None))), "told again");
         assert!(!opener.renew(&terms(&other_lines)), "another connection");
         assert!(sealer.message(5, b"a frame", &mut second));
         assert_eq!(
-            opener.message(&mut others_keys, 5, &second),
+            without.message(&mut others_keys, 5, &second),
             Some(Opened::Nothing),
             "the link and the seal without the epoch's key"
         );

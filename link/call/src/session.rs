@@ -127,16 +127,18 @@ impl Session {
         let answer = answer.map_err(|_| CallError::NotConnected)??;
         let avatar = announcement.avatar.sha256;
         let answered = Description::read(&answer.sdp)?;
-        let (sender, person, seal) = match authentication.check(room, avatar, &offer, &answered)? {
-            Answered::Sender(sender, person) => (sender, person, Seal::None),
-            Answered::Forwarder => {
-                let shown = answered.shown.exchange.as_deref();
-                let (own, shown) = exchange.zip(shown).ok_or(CallError::NoExchange)?;
-                let keys = own.accept(shown, room, avatar)?;
-                let until = Instant::now() + UNSEALED;
-                (None, None, Seal::Awaited { keys, until })
-            }
-        };
+        let (sender, person, mut seal) =
+            match authentication.check(room, avatar, &offer, &answered)? {
+                Answered::Sender(sender, person) => (sender, person, Seal::None),
+                Answered::Forwarder => {
+                    let own = exchange.ok_or(CallError::NoExchange)?;
+                    let signed = |said: &str| own.signed(room, avatar, said);
+                    let said = authentication.check_exchange(room, &answered, signed)?;
+                    let keys = own.accept(said, room, avatar)?;
+                    let until = Instant::now();
+                    (None, None, Seal::Awaited { keys, until })
+                }
+            };
         peer.accept(&answered).await?;
         match timeout(limit, peer.opened()).await {
             Ok(Ok(())) => {}
@@ -148,6 +150,9 @@ impl Session {
         }
         let path = peer.path().await;
         let now = Instant::now();
+        if let Seal::Awaited { until, .. } = &mut seal {
+            *until = now + UNSEALED;
+        }
         let mut session = Self {
             peer,
             path,
@@ -198,7 +203,9 @@ impl Session {
                     });
                 }
                 Some(Opened::Keys { for_us }) => {
-                    until.take_if(|_| for_us);
+                    if for_us {
+                        *until = None;
+                    }
                     return Ok(Arrived::Nothing);
                 }
                 Some(Opened::Nothing) => {

@@ -246,7 +246,9 @@ impl Call {
                         continue;
                     };
                     session.last_heard = Instant::now();
-                    backoff.reset();
+                    if !session.cannot_open() {
+                        backoff.reset();
+                    }
                     match self.handle(session, bytes, &mut out).await {
                         Handled::Goes => {}
                         Handled::Bye => {
@@ -340,7 +342,12 @@ impl Call {
                     let is_silent = session.last_heard.elapsed() > SILENCE || session.cannot_open();
                     if is_silent && joining.is_none() {
                         log::warn!("the sender is silent: connecting again");
-                        joining = Some(self.start_joining(Duration::ZERO));
+                        // All viewers of a forwarder notice another sender at once.
+                        let pause = match session.cannot_open() {
+                            true => backoff.next(),
+                            false => Duration::ZERO,
+                        };
+                        joining = Some(self.start_joining(pause));
                     }
                     session.send_feedback(self.clock, &mut out).await;
                 }

@@ -1,9 +1,14 @@
-//! What a sender writes so that a forwarder can hand it on and not read it (`docs/protocol.md`, "Sealed"): the frame around sealed bytes, and the lines by
-//! which a viewer finds the key. The cryptography is the call's.
+//! What a sender writes so that a forwarder can hand it on and not read it (`docs/protocol.md`, "Sealed"): the frame
+//! around sealed bytes, the lines that show who seals, and those by which keys are agreed on. The cryptography is the
+//! call's.
 
-/// How the line begins by which the sender and a viewer whom it hands over agree on a key: of the viewer's offer, and of
-/// the sender's answer, from which the server takes it over into its forwarder's.
+/// How the line begins by which the sender and a viewer that it hands over agree on a key: of the viewer's offer, and of
+/// the sender's answer.
 pub const EXCHANGE_LINE: &str = "a=mon3tr-exchange:";
+
+/// How all lines begin that a sender shows; and how the one does by which it says that it does not serve the viewer.
+const SHOWN: &str = "a=mon3tr-";
+const REFUSED: &str = "a=mon3tr-refused:";
 
 /// The first byte of each message.
 const SEALED: u8 = 20;
@@ -53,16 +58,17 @@ impl Header {
     }
 }
 
-/// The forwarder's answer with the sender's line about the keys, which is in the sender's own `refusal`.
+/// The forwarder's answer with what the sender shows of itself and of the keys in its own `refusal`.
 #[must_use]
 pub fn with_exchange(answer: &str, refusal: &str) -> String {
-    let mut lines = refusal.lines();
-    let Some(line) = lines.find(|line| line.starts_with(EXCHANGE_LINE)) else {
-        return answer.to_owned();
-    };
+    let is_shown = |line: &&str| line.starts_with(SHOWN) && !line.starts_with(REFUSED);
+    let shown = refusal.lines().filter(is_shown);
+    let shown: String = shown
+        .map(|line| format!("{}\r\n", line.trim_end()))
+        .collect();
     let media = answer.find("\nm=").map_or(answer.len(), |at| at + 1);
     let (session, media) = answer.split_at(media);
-    format!("{session}{}\r\n{media}", line.trim_end())
+    [session, &shown, media].concat()
 }
 
 /// Writes the lines of a seal, for the other side's `session`, into `out`, which is cleared first.
@@ -104,11 +110,10 @@ mod tests {
     }
 
     #[test]
-    fn a_forwarders_answer_gets_the_senders_line_before_its_media() {
+    fn a_forwarders_answer_gets_the_senders_lines_before_its_media() {
         let answer = "v=0\r\na=mon3tr-forwarder\r\nm=application 9\r\n";
-        let refusal = "v=0\r\na=mon3tr-refused:full\r\na=mon3tr-exchange:a 1 b\r\na=other:c\r\n";
-        let expected =
-            "v=0\r\na=mon3tr-forwarder\r\na=mon3tr-exchange:a 1 b\r\nm=application 9\r\n";
+        let refusal = "v=0\r\na=mon3tr-refused:full\r\na=mon3tr-exchange:a 1 b\r\na=other:c\r\na=mon3tr-link:d\r\n";
+        let expected = "v=0\r\na=mon3tr-forwarder\r\na=mon3tr-exchange:a 1 b\r\na=mon3tr-link:d\r\nm=application 9\r\n";
         assert_eq!(with_exchange(answer, refusal), expected);
         assert_eq!(with_exchange(answer, "v=0\r\n"), answer);
     }

@@ -33,10 +33,8 @@ const LOOK: Duration = Duration::from_millis(50);
 /// A person whose seat is free and of whom nothing has come for so long is gone: without the server a call goes on.
 const SILENCE: Duration = Duration::from_secs(5);
 
-/// A person who watches this side is reported if they do not answer its own offers for so long, or if nothing of them is
-/// here so long after they sat down.
+/// A person who watches this side is reported if they do not answer its own offers for so long.
 const UNANSWERED: Duration = Duration::from_secs(3);
-const HIDDEN: Duration = Duration::from_secs(15);
 
 /// After a goodbye the seat may seem taken for so long.
 const FAREWELL: Duration = Duration::from_secs(3);
@@ -399,10 +397,8 @@ impl Roster<'_> {
 
     /// Tells, once, of a person who sees and hears this side and does not let it see them.
     fn warn_of_hidden(&self, person: &mut Known) {
-        let hides = person.since.elapsed() > HIDDEN
-            || person
-                .joined
-                .is_some_and(|joined| joined.elapsed() > UNANSWERED);
+        let offered = person.joined;
+        let hides = offered.is_some_and(|offered| offered.elapsed() > UNANSWERED);
         if !hides || person.is_warned_of || !self.door.has_inside(person.key) {
             return;
         }

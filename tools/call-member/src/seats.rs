@@ -27,8 +27,6 @@ pub(crate) struct Known {
     /// Their key, as they prove it to all members.
     pub(crate) key: PublicKey,
     pub(crate) watch: CallWatch,
-    /// When they were seen there first.
-    pub(crate) since: Instant,
     /// When they were handed over.
     pub(crate) joined: Option<Instant>,
     /// Whether it was told who they are by their key.
@@ -54,7 +52,6 @@ impl Known {
             taken,
             key,
             watch,
-            since: Instant::now(),
             joined: None,
             is_introduced: false,
             is_warned_of: false,

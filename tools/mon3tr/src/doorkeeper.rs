@@ -136,10 +136,11 @@ impl Doorkeeper {
             .trim()
             .split_once(char::is_whitespace)
             .unwrap_or((line.trim(), ""));
-        let is_number = rest.trim().parse::<u32>().is_ok();
+        // A key is meant from its fourth character on.
+        let is_number = rest.trim().len() < 4 && rest.trim().parse::<u32>().is_ok();
         match word.to_ascii_lowercase().as_str() {
             "l" | "lock" if rest.is_empty() => self.obey(line),
-            "a" | "admit" if is_number => self.obey(line),
+            "a" | "admit" | "x" | "remove" if is_number => self.obey(line),
             "x" | "remove" if !rest.is_empty() => self.remove_member(rest.trim(), keys),
             _ => return false,
         }
@@ -148,6 +149,10 @@ impl Doorkeeper {
 
     /// Sends away the one member whose fingerprint begins so.
     fn remove_member(&self, fingerprint: &str, keys: &[PublicKey]) {
+        if fingerprint.len() < 4 {
+            self.decided("say at least four characters of the key; w: who is there".to_owned());
+            return;
+        }
         let viewers = self.door.seen().into_iter();
         let viewers = viewers.filter_map(|seen| seen.visitor.key);
         let mut found: Vec<PublicKey> = (keys.iter().copied().chain(viewers))

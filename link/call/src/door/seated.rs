@@ -53,11 +53,7 @@ impl Seated {
             let gap = seen
                 .asked
                 .map_or(Duration::ZERO, |last| asked.duration_since(last));
-            let unanswered = if gap > UNANSWERED {
-                gap
-            } else {
-                Duration::ZERO
-            };
+            let unanswered = gap.saturating_sub(UNANSWERED);
             let is_kept = |(key, at): &(PublicKey, Instant)| {
                 !keys.contains(key) && asked.duration_since(*at) <= SEATED
             };
@@ -130,8 +126,14 @@ mod tests {
         let back = begun + Duration::from_secs(60);
         seated.note(back, &[key(2)]);
         let sits = |number, at| seated.0.borrow().has(key(number), at);
-        assert!(sits(1, back + SEATED), "the member is not back yet");
-        assert!(!sits(1, back + SEATED + Duration::from_millis(1)));
+        let last = back + SEATED - UNANSWERED;
+        assert!(sits(1, last), "the member is not back yet");
+        assert!(!sits(1, last + Duration::from_millis(1)));
+        // A slow server keeps nobody seated.
+        let slow = Duration::from_millis(2500);
+        let answers = (1..=30).map(|answer| back + slow * answer);
+        answers.for_each(|asked| seated.note(asked, &[]));
+        assert!(seated.0.borrow().keys.is_empty());
     }
 
     #[test]

@@ -19,7 +19,7 @@ pub(super) const MOST_WAITING: usize = 32;
 const CROWDED_APART: Duration = Duration::from_secs(30);
 
 /// Viewers handed over to the server that may be there at once, or are on their way there.
-pub(super) const MOST_HANDED_OVER: usize = 4096;
+pub(super) const MOST_HANDED_OVER: usize = 1024;
 
 #[derive(Debug, Default)]
 pub(super) struct State {
@@ -182,7 +182,7 @@ impl State {
 
     /// Whether there is room for one more.
     pub(super) fn hand_over(&mut self, visitor: Visitor, session: Name) -> bool {
-        if self.handed_over.len() >= MOST_HANDED_OVER {
+        if self.handed_over.len() >= MOST_HANDED_OVER || self.rules.has_removed(&visitor) {
             return false;
         }
         let number = self.number_of(&visitor);

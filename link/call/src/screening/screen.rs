@@ -53,7 +53,7 @@ struct Channel {
 pub(super) struct Screen {
     is_closed: bool,
     /// This side's ICE user fragment.
-    fragment: Vec<u8>,
+    fragment: Option<Vec<u8>>,
     peers: Vec<Place>,
     relays: Vec<SocketAddr>,
     channels: Vec<Channel>,
@@ -70,7 +70,7 @@ impl Screen {
 
     /// This side describes its connection by this ICE user fragment.
     pub(super) fn describe(&mut self, fragment: &str) {
-        self.fragment = fragment.into();
+        self.fragment = Some(fragment.into());
     }
 
     /// This side sends a datagram from one of its sockets.
@@ -157,8 +157,7 @@ impl Screen {
         let is_known = self.peers.contains(&from);
         if STUN.contains(first) {
             stun::kind(packet) != Kind::BindingRequest
-                || stun::checked_fragment(packet) == Some(&self.fragment)
-                    && (is_known || self.peers.len() < MOST)
+                || self.is_named_by(packet) && (is_known || self.peers.len() < MOST)
         } else if DTLS.contains(first) {
             is_known && self.records.admits(packet)
         } else if RTP.contains(first) {
@@ -166,6 +165,11 @@ impl Screen {
         } else {
             false
         }
+    }
+
+    fn is_named_by(&self, request: &[u8]) -> bool {
+        let named = stun::checked_fragment(request);
+        named.is_some() && named == self.fragment.as_deref()
     }
 
     /// Whether a packet has one of the first SSRCs that came.

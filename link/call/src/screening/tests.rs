@@ -150,6 +150,11 @@ fn only_stun_passes_from_sources_that_this_side_has_not_answered() {
         assert!(!screen.admits(HERE, peer(), &other), "{name}");
     }
     assert!(!screen.admits(HERE, peer(), &stun(REQUEST, &[])), "unnamed");
+    for name in [&b":there"[..], b"", b"here:there"] {
+        let early = stun(REQUEST, &[(0x0006, name)]);
+        let passes = Screen::default().admits(HERE, peer(), &early);
+        assert!(!passes, "{name:?}, before the connection is described");
+    }
     // A request of this side, or a refusal, makes no source known.
     for kind in [REQUEST, ROLE_CONFLICT] {
         screen.sends(HERE, stranger(), &stun(kind, &[]));

@@ -13,6 +13,7 @@ use crate::seal::Sealer;
 use crate::telling::{Repeated, Telling};
 use crate::visitor::Visitor;
 use crate::{CallError, answer_bye, is_set, send_bye};
+use identity::Purpose;
 use link_codec::{Encoder, Micros, MotionFrame};
 use link_protocol::data_channel::{Message, Pong, State};
 use link_protocol::{Name, Refusal, Rights, RoomLink, sealed};
@@ -67,13 +68,13 @@ impl Outlet<'_> {
         self.peer.try_send(&self.sealed).await
     }
 
-    /// Sends a message of keys, which forwarders hand on.
-    async fn tell_keys(&mut self, keys: &[u8]) {
-        if let Some(sealer) = &mut self.sealer
-            && sealer.keys(self.session, keys, &mut self.sealed)
-        {
-            self.peer.try_send(&self.sealed).await;
-        }
+    /// Sends a message of keys, which forwarders hand on; whether it could be sent.
+    async fn send_keys(&mut self, keys: &[u8]) -> bool {
+        let Some(sealer) = &mut self.sealer else {
+            return false;
+        };
+        sealer.keys(self.session, keys, &mut self.sealed)
+            && self.peer.try_send(&self.sealed).await == SendOutcome::Queued
     }
 
     async fn say(&mut self, Voice { captured, opus }: Voice) -> bool {
@@ -109,7 +110,7 @@ impl Shared {
                     place: Some(place),
                     sealer,
                 }),
-                None => Err(CallError::HandedOver { exchange: None }),
+                None => Err(CallError::TooManyViewers),
             };
         }
         let own = self.credentials.as_ref();
@@ -141,20 +142,16 @@ impl Shared {
                 sealer: None,
             }),
             None if hands_over && may_be_handed_over => {
+                let exchange = offer_read.shown.exchange.as_deref();
+                let [answer, signed] = self.epochs.admit(name, exchange, room, self.avatar)?;
                 // Before the answer: the viewer may be removed as soon as it is there.
                 if !self.door.hand_over(visitor, name.clone()) {
+                    self.epochs.leave(name);
                     return Err(CallError::TooManyViewers);
                 }
-                let exchange = offer_read.shown.exchange.as_deref();
-                match self.epochs.admit(name, exchange, room, self.avatar) {
-                    Ok(exchange) => Err(CallError::HandedOver {
-                        exchange: Some(exchange),
-                    }),
-                    Err(why) => {
-                        self.door.left(name);
-                        Err(why)
-                    }
-                }
+                let shown = introduction::lines(own, room, Purpose::Exchange, &signed);
+                let exchange = format!("{}{answer}\r\n{shown}", sealed::EXCHANGE_LINE);
+                Err(CallError::HandedOver { exchange })
             }
             None => Err(CallError::TooManyViewers),
         }
@@ -181,14 +178,14 @@ impl Shared {
         let refusal = why.refusal();
         log::debug!("a viewer is refused: {refusal:?}");
         let mut answer = refusal.answer();
-        if let CallError::HandedOver {
-            exchange: Some(exchange),
-        } = why
-        {
-            answer.push_str(&format!("{}{exchange}\r\n", sealed::EXCHANGE_LINE));
+        if let CallError::HandedOver { exchange } = why {
+            answer.push_str(exchange);
         }
         if let Err(error) = self.client.answer(room, name, &answer).await {
             log::debug!("a viewer was not told why it is not taken: {error}");
+            // It waits no longer, so the server does not serve it either.
+            self.door.left(name);
+            self.epochs.leave(name);
         }
     }
 }
@@ -342,7 +339,7 @@ async fn send_motion(
     let mut losses = shared.copies.join(shared.channel);
     let mut telling = Telling::begin(&shared.privacy);
     let mut seals = Repeated::default();
-    let mut keys = shared.epochs.telling();
+    let mut keys = shared.epochs.distribution();
     loop {
         tokio::select! {
             // In this order: the last frame before the bye, the bye before any flood of the viewer's, and its messages before the
@@ -407,7 +404,11 @@ async fn send_motion(
                     outlet.peer.try_send(&out).await;
                 }
             }
-            message = keys.due(), if outlet.sealer.is_some() => outlet.tell_keys(&message).await,
+            message = keys.due(), if outlet.sealer.is_some() => {
+                if outlet.send_keys(&message).await {
+                    keys.sent();
+                }
+            }
             () = is_set(left) => return "it left",
             // Without a bye, which would say that the sender hung up: it offers again, and is told why it is not taken.
             why = &mut sent_away => return why,

@@ -156,10 +156,19 @@ pub(super) async fn join(
                         offer,
                         network: network.into(),
                     };
-                    let taken = forwarding.take(viewer).await;
-                    if taken.is_none() {
-                        RoomHere::new(&app, room).left(&session.into()).await;
-                    }
+                    let (forwarding, app) = (Arc::clone(forwarding), Arc::clone(&app));
+                    // Also if the viewer's request ends meanwhile: the sender counts on being told that it has left.
+                    let taking = tokio::spawn(async move {
+                        let taken = forwarding.take(viewer).await;
+                        if taken.is_none() {
+                            RoomHere::new(&app, room).left(&session.into()).await;
+                        }
+                        taken
+                    });
+                    let taken = taking.await.unwrap_or_else(|error| {
+                        log::error!("a viewer could not be handed over: {error}");
+                        None
+                    });
                     taken.map(|answer| sealed::with_exchange(&answer, &sdp))
                 }
                 _ => None,

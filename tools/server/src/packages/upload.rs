@@ -29,6 +29,9 @@ const RECEIVED_WITHIN: Duration = Duration::from_secs(8);
 const SLOWEST: u32 = 8 << 10;
 const SLOW_AT_FIRST: Duration = Duration::from_secs(10);
 
+/// Bytes after which it is looked at again whether the disk has room.
+const LOOK_AGAIN: u64 = 1 << 20;
+
 /// Why an upload is refused.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum UploadError {
@@ -134,7 +137,7 @@ impl Packages {
         let file = tempfile::tempfile_in(&self.spool).map_err(UploadError::spool)?;
         let mut file = tokio::fs::File::from_std(file);
         let mut hasher = PackageHasher::default();
-        let mut bytes = 0u64;
+        let (mut bytes, mut looked_at) = (0u64, 0u64);
         let begun = Instant::now();
         loop {
             let slow = begun + SLOW_AT_FIRST + Duration::from_secs(bytes / u64::from(SLOWEST));
@@ -150,6 +153,11 @@ impl Packages {
             self.metrics.bytes_up.inc_by(chunk.len() as u64);
             if bytes > limit {
                 return Err(UploadError::TooLarge { limit });
+            }
+            // A body may have declared no length, and other uploads take space meanwhile.
+            if bytes - looked_at >= LOOK_AGAIN {
+                self.within_space(0)?;
+                looked_at = bytes;
             }
             hasher.update(&chunk);
             file.write_all(&chunk).await.map_err(UploadError::spool)?;
