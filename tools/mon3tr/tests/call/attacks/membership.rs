@@ -9,7 +9,7 @@ use crate::handover::{Hall, ends};
 use crate::house::{House, Program, wait_for};
 use crate::member::Member;
 use data_encoding::BASE64URL_NOPAD;
-use identity::Identity;
+use identity::{Identity, Purpose};
 use link_call::{CallError, CallEvent, Credentials, Viewer};
 use link_protocol::limits::SEAT_KEPT;
 use link_protocol::{CallLink, Name, Refusal, RoomLink};
@@ -67,17 +67,19 @@ fn ask(address: SocketAddr, request: &str, token: &str, kind: &str, body: &str) 
     (status.unwrap_or(0), body.to_owned())
 }
 
+/// What shows that `who` has the link's secret and means `text`.
+fn mac(link: &RoomLink, who: &str, text: &str) -> String {
+    let secret = link.secret().expect("a secret").bytes();
+    let secret = hmac::Key::new(hmac::HMAC_SHA256, secret);
+    let key = hmac::sign(&secret, format!("mon3tr {who} 1\nlink").as_bytes());
+    let key = hmac::Key::new(hmac::HMAC_SHA256, key.as_ref());
+    BASE64URL_NOPAD.encode(hmac::sign(&key, text.as_bytes()).as_ref())
+}
+
 /// `media` as an offer with the proof that its maker has the link.
 fn proved(link: &RoomLink, media: &str) -> String {
     let fingerprint = format!("sha-256 {}", ["aa"; 32].join(":"));
-    let secret = link.secret().expect("a secret").bytes();
-    let key = hmac::sign(
-        &hmac::Key::new(hmac::HMAC_SHA256, secret),
-        b"mon3tr viewer 1\nlink",
-    );
-    let text = format!("{}\n{fingerprint}", link.room());
-    let key = hmac::Key::new(hmac::HMAC_SHA256, key.as_ref());
-    let mac = BASE64URL_NOPAD.encode(hmac::sign(&key, text.as_bytes()).as_ref());
+    let mac = mac(link, "viewer", &format!("{}\n{fingerprint}", link.room()));
     format!("v=0\r\na=fingerprint:{fingerprint}\r\na=mon3tr-link:{mac}\r\n{media}")
 }
 
@@ -222,6 +224,42 @@ fn a_member_who_leaves_the_seat_and_goes_on_watching_is_disconnected() {
 }
 
 #[test]
+fn a_member_who_watches_and_answers_no_one_is_reported_and_can_be_sent_away() {
+    let house = House::open();
+    let host = host(&house);
+    let ([mut ada, bob], link) = call_of_two(&house, &host, &[]);
+    let eve = Member::of(&house, &link, 69);
+    let call = eve.link.call();
+    let identity = Identity::from_seed(&[69; 32]).expect("a key");
+    let proof = format!(
+        "a=mon3tr-link:{}\r\na=mon3tr-key:{}\r\n",
+        mac(&eve.link.seat(call), "member", call.as_str()),
+        identity.sign_as_text(Purpose::Member, call.as_str().as_bytes())
+    );
+    let seats = eve.status().seats;
+    let free = seats.iter().find(|seat| seat.taken.is_none());
+    let free = free.expect("a free seat").room.clone();
+    let (status, _presence) = sits(&house, house.address, &eve.link, &free, Some(&proof));
+    assert_eq!(status, 200);
+    let watches = eve.watches(&eve.seat_of("ada"));
+    joins(&watches);
+    let sends_away = format!("x {}", identity.public().fingerprint());
+    ada.0.says(
+        &format!("does not answer, so that you neither see nor hear them; `{sends_away}`"),
+        1,
+    );
+    types(&mut ada.1, &sends_away);
+    let end = ends(&watches);
+    assert!(
+        matches!(end, CallEvent::Failed(CallError::Refused(Refusal::Removed))),
+        "{end:?}"
+    );
+    for (program, _) in [ada, bob] {
+        program.ends();
+    }
+}
+
+#[test]
 fn a_member_who_is_sent_away_stays_away_and_a_locked_call_takes_nobody_new() {
     let house = House::open();
     let host = host(&house);
@@ -282,12 +320,19 @@ fn a_member_who_is_sent_away_stays_away_and_a_locked_call_takes_nobody_new() {
     }
 }
 
-/// Wants to sit down in this seat, by way of `address`; the status, and the presence while it is kept.
-fn sits(house: &House, address: SocketAddr, link: &CallLink, seat: &Name) -> (u16, TcpStream) {
+/// Wants to sit down in this seat, by way of `address`, and shows `proof` to the members; the status, and the presence
+/// while it is kept.
+fn sits(
+    house: &House,
+    address: SocketAddr,
+    link: &CallLink,
+    seat: &Name,
+    proof: Option<&str>,
+) -> (u16, TcpStream) {
     let avatar = link_protocol::announcement::AvatarRef::of_file(&house.avatar).expect("a package");
     let body = serde_json::json!({
         "avatar": avatar, "channel": "unreliable", "codec": "paper", "rate_hz": 30.0,
-        "person": "Eve", "occupant": format!("o{}", seat.as_str()),
+        "person": "Eve", "occupant": format!("o{}", seat.as_str()), "proof": proof,
     })
     .to_string();
     let mut stream = TcpStream::connect(address).expect("the server is there");
@@ -315,7 +360,7 @@ fn a_link_holder_takes_no_more_than_three_seats_and_friends_get_in() {
     let seats = eve.status().seats;
     let taken: Vec<_> = seats
         .iter()
-        .map(|seat| sits(&house, relay.address, &eve.link, &seat.room))
+        .map(|seat| sits(&house, relay.address, &eve.link, &seat.room, None))
         .collect();
     let statuses: Vec<u16> = taken.iter().map(|(status, _)| *status).collect();
     assert_eq!(statuses, [409, 200, 200, 200, 403, 403, 403, 403]);
@@ -325,7 +370,7 @@ fn a_link_holder_takes_no_more_than_three_seats_and_friends_get_in() {
         let kept = eve.status().seats.iter().filter(|seat| seat.kept).count();
         (kept == 3).then_some(())
     });
-    let (again, _) = sits(&house, relay.address, &eve.link, &seats[5].room);
+    let (again, _) = sits(&house, relay.address, &eve.link, &seats[5].room, None);
     assert_eq!(again, 403, "hers are kept still");
     let (mut bob, _lines) = member(&house, "bob", &[&link]);
     bob.says("you are in the call", 1);
@@ -333,7 +378,7 @@ fn a_link_holder_takes_no_more_than_three_seats_and_friends_get_in() {
     // While she has three, nobody else gets in from her address.
     let all: Vec<_> = seats
         .iter()
-        .map(|seat| sits(&house, relay.address, &eve.link, &seat.room))
+        .map(|seat| sits(&house, relay.address, &eve.link, &seat.room, None))
         .collect();
     let said = member(&house, "late", &[&relay.link(&house, &link)])
         .0
@@ -360,7 +405,7 @@ fn members_keep_their_seats_while_a_link_holder_takes_every_other_one_and_falls_
     let seats = watcher.status().seats;
     let all: Vec<_> = seats
         .iter()
-        .map(|seat| sits(&house, relay.address, &watcher.link, &seat.room))
+        .map(|seat| sits(&house, relay.address, &watcher.link, &seat.room, None))
         .collect();
     // Her viewers are silent again and again, long enough for a connection to be doubted.
     let pid = Pid::from_raw(i32::try_from(eve.id()).expect("a number")).expect("a process");
@@ -389,7 +434,7 @@ fn members_keep_their_seats_while_a_link_holder_takes_every_other_one_and_falls_
             let name = sits.map(|(_, name)| name.as_str());
             assert_eq!(name, Some(person), "after {polls} polls: {names:?}");
             if polls % 20 == 0 {
-                let (status, _) = self::sits(&house, relay.address, &watcher.link, seat);
+                let (status, _) = self::sits(&house, relay.address, &watcher.link, seat, None);
                 assert_eq!(status, 409, "{person}'s seat is taken");
             }
         }
@@ -408,7 +453,7 @@ fn members_keep_their_seats_while_a_link_holder_takes_every_other_one_and_falls_
         let kept = seats.iter().find(|seat| seat.room == bobs)?.kept;
         kept.then_some(())
     });
-    let (status, _) = sits(&house, relay.address, &watcher.link, &bobs);
+    let (status, _) = sits(&house, relay.address, &watcher.link, &bobs, None);
     assert_eq!(status, 409, "Bob's seat is kept for him");
     wait_for("Bob's seat to be free", || {
         let seats = watcher.status().seats;
