@@ -213,7 +213,7 @@ impl Upstream {
                     return Ended::Stopped;
                 }
                 _ = ticks.tick() => {
-                    if session.last_heard.elapsed() > SILENCE {
+                    if session.last_heard.elapsed() > SILENCE || session.cannot_open() {
                         return Ended::Silent;
                     }
                     session.send_feedback(self.clock, &mut out).await;
