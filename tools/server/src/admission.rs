@@ -34,7 +34,7 @@ impl Admission {
                 Ok((false, false)) => {}
                 Ok((revoked, blocked)) => changed(revoked, blocked),
                 Err(error) => {
-                    log::error!("the lists of tokens and addresses are not read: {error}")
+                    log::error!("the lists of tokens and addresses are not read: {error}");
                 }
             }
         }
