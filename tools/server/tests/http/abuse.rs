@@ -243,6 +243,10 @@ async fn a_blocked_address_is_served_no_longer_and_its_connections_end() -> Outc
     let ended = tokio::time::timeout(PATIENCE, open.read_to_end(&mut nothing)).await?;
     assert!(ended.is_err() || nothing.is_empty(), "closed");
     assert!(hostile.get("/healthz", "").await.is_err(), "nor another");
+    // A new one: the client may have kept one from before.
+    let mut another = hostile.connect().await?;
+    let ended = tokio::time::timeout(PATIENCE, another.read_to_end(&mut nothing)).await?;
+    assert!(ended.is_err() || nothing.is_empty(), "closed");
     assert_eq!(caller.get("/healthz", "").await?.status(), StatusCode::OK);
     assert!(caller.metric("mon3tr_blocked_total ").await? > 0, "counted");
     std::fs::remove_file(&file)?;
