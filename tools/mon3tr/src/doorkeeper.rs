@@ -20,6 +20,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::runtime::Handle;
 
+/// Characters of a key's fingerprint that name a member, at least: fewer may be a number.
+const SHORTEST_KEY: usize = 4;
+
 /// What lines on the terminal do, as it is told at the start.
 const LINES: &str = "type w: who is there; a N: let N in; x N: send N away; l: lock or unlock; g NAME[,TIME][,see|hear]: a link for a guest; q: leave";
 
@@ -136,8 +139,8 @@ impl Doorkeeper {
             .trim()
             .split_once(char::is_whitespace)
             .unwrap_or((line.trim(), ""));
-        // A key is meant from its fourth character on.
-        let is_number = rest.trim().len() < 4 && rest.trim().parse::<u32>().is_ok();
+        let is_short = rest.trim().len() < SHORTEST_KEY;
+        let is_number = is_short && rest.trim().parse::<u32>().is_ok();
         match word.to_ascii_lowercase().as_str() {
             "l" | "lock" if rest.is_empty() => self.obey(line),
             "a" | "admit" | "x" | "remove" if is_number => self.obey(line),
@@ -149,8 +152,10 @@ impl Doorkeeper {
 
     /// Sends away the one member whose fingerprint begins so.
     fn remove_member(&self, fingerprint: &str, keys: &[PublicKey]) {
-        if fingerprint.len() < 4 {
-            self.decided("say at least four characters of the key; w: who is there".to_owned());
+        if fingerprint.len() < SHORTEST_KEY {
+            self.decided(format!(
+                "say at least {SHORTEST_KEY} characters of the key; w: who is there"
+            ));
             return;
         }
         let viewers = self.door.seen().into_iter();
