@@ -51,12 +51,6 @@ pub enum CallError {
         /// So many.
         most: usize,
     },
-    /// The server serves this viewer, in place of the sender.
-    #[error("the sender has many viewers: the server serves this one")]
-    HandedOver {
-        /// Lines of the answer: the sender's half of the agreement on the keys of what the server hands on.
-        exchange: String,
-    },
     /// No key was agreed on for what the server hands on.
     #[error(
         "no key could be agreed on for what the server hands on: the other side's program or the server's is too old, or the server or someone on the way changed what was said"
@@ -190,7 +184,6 @@ impl CallError {
     /// the server for seconds.
     pub(crate) fn refusal(&self) -> Refusal {
         match self {
-            Self::HandedOver { .. } => Refusal::Full,
             // Not the viewer's fault: it may try again.
             Self::TooManyViewers | Self::Random(_) => Refusal::Many,
             Self::Refused(refusal) => *refusal,

@@ -9,7 +9,9 @@ use crate::visitor::Visitor;
 use crate::{CallError, guests, now, proof};
 use data_encoding::BASE64URL_NOPAD;
 use identity::{Identity, IdentityError, Keyring, Permit, PublicKey, Purpose, Signature};
-use link_protocol::{Guest, GuestPass, Name, PackageId, PersonName, Refusal, RoomLink, sealed};
+use link_protocol::{
+    Guest, GuestPass, Name, PackageId, PersonName, Refusal, RoomLink, sealed, with_session_lines,
+};
 
 /// How the lines begin: the MAC; `KEY SIGNATURE`; a permit as its text has it; and `NAME SIGNATURE`, the name in
 /// base64url.
@@ -143,7 +145,7 @@ pub(crate) fn introduce_sender(
 
 /// The answer of a server's forwarder, which has neither key nor link.
 pub(crate) fn introduce_forwarder(answer: &str) -> String {
-    before_media(answer, &[FORWARDER_LINE, "\r\n"])
+    with_session_lines(answer, &[FORWARDER_LINE, "\r\n"])
 }
 
 /// What a sender shows of itself in `text`, which is none of a connection.
@@ -170,7 +172,7 @@ fn introduce(
     });
     let key = own.map(|own| own.lines(purpose, text));
     let [link, key] = [link, key].map(Option::unwrap_or_default);
-    before_media(sdp, &[&link, &key])
+    with_session_lines(sdp, &[&link, &key])
 }
 
 /// Whether a server's forwarder may serve the room's viewers. Without a secret nothing can be sealed. People in a call
@@ -182,14 +184,7 @@ pub(crate) fn may_be_handed_over(room: &RoomLink) -> bool {
 
 /// The offer of a viewer that may be handed over, before it is signed.
 pub(crate) fn with_exchange(offer: &str, exchange: &str) -> String {
-    before_media(offer, &[sealed::EXCHANGE_LINE, exchange, "\r\n"])
-}
-
-/// `sdp` with lines of the whole session: before its first medium.
-fn before_media(sdp: &str, lines: &[&str]) -> String {
-    let media = sdp.find("\nm=").map_or(sdp.len(), |at| at + 1);
-    let (session, media) = sdp.split_at(media);
-    [&[session], lines, &[media]].concat().concat()
+    with_session_lines(offer, &[sealed::EXCHANGE_LINE, exchange, "\r\n"])
 }
 
 /// Checks that the side which shows this has the room's link, where the link has a secret.
@@ -231,7 +226,10 @@ impl Authentication {
         let text = of_viewer(room.room(), &Description::read(offer)?)?;
         let own = self.own.as_ref();
         let introduced = introduce(own, room, Purpose::Viewer, &text, offer);
-        Ok(before_media(&introduced, &[&guests::line(room, &text)]))
+        Ok(with_session_lines(
+            &introduced,
+            &[&guests::line(room, &text)],
+        ))
     }
 
     /// Takes the side that answered this side's offer, or does not.

@@ -49,8 +49,8 @@ pub(crate) struct Session {
     pub(crate) sender: Option<PublicKey>,
     /// What the sender is called, as it signed.
     pub(crate) person: Option<PersonName>,
-    /// How messages come.
-    seal: Seal,
+    /// Nothing where the sender itself is at the other end.
+    seal: Option<Seal>,
     /// Whose seals are taken, and for what.
     authentication: Authentication,
     room: RoomLink,
@@ -86,20 +86,42 @@ pub(crate) enum Arrived {
     Nothing,
 }
 
-/// How messages come.
+/// What opens the messages of a sender that hands this viewer over.
 #[derive(Debug)]
-enum Seal {
-    /// As they are.
-    None,
-    /// Sealed; nothing opens them yet.
-    Awaited { keys: ViewerKeys, until: Instant },
-    /// Sealed.
-    Known {
-        keys: ViewerKeys,
-        opener: Box<Opener>,
-        /// Until when something has to be opened, after something was not.
-        until: Option<Instant>,
-    },
+struct Seal {
+    keys: ViewerKeys,
+    /// Nothing until the lines of the seal have come.
+    opener: Option<Box<Opener>>,
+    /// Until when something has to be opened, if it has not been yet.
+    deadline: Option<Instant>,
+}
+
+impl Seal {
+    /// Opens a sealed message of `session`; nothing for any other message, and before the lines of the seal have come.
+    fn open(&mut self, session: u32, bytes: &[u8]) -> Option<Opened> {
+        let opened = (self.opener.as_mut()?).message(&mut self.keys, session, bytes)?;
+        match opened {
+            Opened::Message(_) | Opened::Keys { for_us: true } => self.deadline = None,
+            Opened::Keys { for_us: false } => {}
+            Opened::Nothing => {
+                self.deadline
+                    .get_or_insert_with(|| Instant::now() + UNSEALED);
+            }
+        }
+        Some(opened)
+    }
+
+    /// Opens by these lines from now on, unless they are of the same seal or of an older one; whether it does.
+    fn begin(&mut self, terms: Terms) -> Result<bool, CallError> {
+        if let Some(opener) = &mut self.opener {
+            if opener.is_newer_than(&terms) || opener.renew(&terms) {
+                return Ok(false);
+            }
+            self.deadline = Some(Instant::now() + UNSEALED_AGAIN);
+        }
+        self.opener = Some(Box::new(Opener::new(terms)?));
+        Ok(true)
+    }
 }
 
 impl Session {
@@ -127,18 +149,15 @@ impl Session {
         let answer = answer.map_err(|_| CallError::NotConnected)??;
         let avatar = announcement.avatar.sha256;
         let answered = Description::read(&answer.sdp)?;
-        let (sender, person, mut seal) =
-            match authentication.check(room, avatar, &offer, &answered)? {
-                Answered::Sender(sender, person) => (sender, person, Seal::None),
-                Answered::Forwarder => {
-                    let own = exchange.ok_or(CallError::NoExchange)?;
-                    let signed = |said: &str| own.signed(room, avatar, said);
-                    let said = authentication.check_exchange(room, &answered, signed)?;
-                    let keys = own.accept(said, room, avatar)?;
-                    let until = Instant::now();
-                    (None, None, Seal::Awaited { keys, until })
-                }
-            };
+        let (sender, person, keys) = match authentication.check(room, avatar, &offer, &answered)? {
+            Answered::Sender(sender, person) => (sender, person, None),
+            Answered::Forwarder => {
+                let own = exchange.ok_or(CallError::NoExchange)?;
+                let signed = |half: &str| own.signed(room, avatar, half);
+                let half = authentication.check_exchange(room, &answered, signed)?;
+                (None, None, Some(own.accept(half, room, avatar)?))
+            }
+        };
         peer.accept(&answered).await?;
         match timeout(limit, peer.opened()).await {
             Ok(Ok(())) => {}
@@ -150,15 +169,16 @@ impl Session {
         }
         let path = peer.path().await;
         let now = Instant::now();
-        if let Seal::Awaited { until, .. } = &mut seal {
-            *until = now + UNSEALED;
-        }
         let mut session = Self {
             peer,
             path,
             sender,
             person,
-            seal,
+            seal: keys.map(|keys| Seal {
+                keys,
+                opener: None,
+                deadline: Some(now + UNSEALED),
+            }),
             authentication: authentication.clone(),
             room: room.clone(),
             avatar,
@@ -184,61 +204,29 @@ impl Session {
     /// # Errors
     /// If it is sealed by someone else than the sender that is taken.
     pub(crate) fn read(&mut self, bytes: Bytes) -> Result<Arrived, CallError> {
-        let of_forwarder = match &mut self.seal {
-            Seal::None => {
-                let message = Message::read(&bytes, self.id);
-                return Ok(message.map_or(Arrived::Motion(bytes), Arrived::Message));
-            }
-            Seal::Known {
-                keys,
-                opener,
-                until,
-            } => match opener.message(keys, self.motion, &bytes) {
-                Some(Opened::Message(message)) => {
-                    *until = None;
-                    return Ok(match Message::read(&message, self.motion) {
-                        Some(state @ Message::State(_)) => Arrived::Message(state),
-                        Some(_) => Arrived::Nothing,
-                        None => Arrived::Motion(message.into()),
-                    });
-                }
-                Some(Opened::Keys { for_us }) => {
-                    if for_us {
-                        *until = None;
-                    }
-                    return Ok(Arrived::Nothing);
-                }
-                Some(Opened::Nothing) => {
-                    until.get_or_insert_with(|| Instant::now() + UNSEALED);
-                    return Ok(Arrived::Nothing);
-                }
-                None => sealed::read_seal(&bytes, self.id),
-            },
-            Seal::Awaited { .. } => sealed::read_seal(&bytes, self.id),
+        let Some(seal) = &mut self.seal else {
+            let message = Message::read(&bytes, self.id);
+            return Ok(message.map_or(Arrived::Motion(bytes), Arrived::Message));
         };
-        if let Some(lines) = of_forwarder {
+        if let Some(opened) = seal.open(self.motion, &bytes) {
+            return Ok(match opened {
+                Opened::Message(message) => match Message::read(&message, self.motion) {
+                    Some(state @ Message::State(_)) => Arrived::Message(state),
+                    Some(_) => Arrived::Nothing,
+                    None => Arrived::Motion(message.into()),
+                },
+                Opened::Keys { .. } | Opened::Nothing => Arrived::Nothing,
+            });
+        }
+        if let Some(lines) = sealed::read_seal(&bytes, self.id) {
             let terms = Terms::read(&self.authentication, &self.room, self.avatar, lines)?;
-            if let Seal::Known { opener, .. } = &mut self.seal
-                && (opener.is_newer_than(&terms) || opener.renew(&terms))
-            {
-                return Ok(Arrived::Nothing);
-            }
-            self.sender = terms.sender();
-            let opener = Box::new(Opener::new(terms)?);
-            self.seal = match std::mem::replace(&mut self.seal, Seal::None) {
-                Seal::None => Seal::None,
-                Seal::Awaited { keys, until } => Seal::Known {
-                    keys,
-                    opener,
-                    until: Some(until),
-                },
-                Seal::Known { keys, .. } => Seal::Known {
-                    keys,
-                    opener,
-                    until: Some(Instant::now() + UNSEALED_AGAIN),
-                },
-            };
-            return Ok(Arrived::Unsealed);
+            let sender = terms.sender();
+            return Ok(if seal.begin(terms)? {
+                self.sender = sender;
+                Arrived::Unsealed
+            } else {
+                Arrived::Nothing
+            });
         }
         Ok(match Message::read(&bytes, self.id) {
             None | Some(Message::State(_)) => Arrived::Nothing,
@@ -248,30 +236,25 @@ impl Session {
 
     /// Whether what is handed on cannot be opened: its keys have not come, or are of another sender's.
     pub(crate) fn cannot_open(&self) -> bool {
-        let until = match &self.seal {
-            Seal::None => None,
-            Seal::Awaited { until, .. } => Some(*until),
-            Seal::Known { until, .. } => *until,
-        };
-        until.is_some_and(|until| Instant::now() > until)
+        let deadline = self.seal.as_ref().and_then(|seal| seal.deadline);
+        deadline.is_some_and(|deadline| Instant::now() > deadline)
     }
 
     /// Whether something has still to come by which what is handed on is opened.
     pub(crate) fn awaits_seal(&self) -> bool {
-        matches!(self.seal, Seal::Awaited { .. })
+        self.seal.as_ref().is_some_and(|seal| seal.opener.is_none())
     }
 
     /// Whether what is handed on is opened here.
     pub(crate) fn is_sealed(&self) -> bool {
-        !matches!(self.seal, Seal::None)
+        self.seal.is_some()
     }
 
     /// A packet of voice as it was said; nothing for one that is not the sender's.
     pub(crate) fn hear(&mut self, packet: VoicePacket) -> Option<VoicePacket> {
         match &mut self.seal {
-            Seal::None => Some(packet),
-            Seal::Awaited { .. } => None,
-            Seal::Known { keys, opener, .. } => opener.voice(keys, &packet),
+            None => Some(packet),
+            Some(Seal { keys, opener, .. }) => opener.as_mut()?.voice(keys, &packet),
         }
     }
 

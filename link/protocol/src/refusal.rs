@@ -55,19 +55,22 @@ impl Refusal {
     }
 }
 
-const LINE: &str = "a=mon3tr-refused:";
+/// How the line with the reason begins.
+pub(crate) const REFUSAL_LINE: &str = "a=mon3tr-refused:";
 
 impl Refusal {
     /// The answer that says so.
     #[must_use]
     pub fn answer(self) -> String {
-        format!("v=0\r\n{LINE}{}\r\n", self.word())
+        format!("v=0\r\n{REFUSAL_LINE}{}\r\n", self.word())
     }
 
     /// Whether this answer is one.
     #[must_use]
     pub fn read(answer: &str) -> Option<Self> {
-        let why = answer.lines().find_map(|line| line.strip_prefix(LINE))?;
+        let why = answer
+            .lines()
+            .find_map(|line| line.strip_prefix(REFUSAL_LINE))?;
         Some(Self::of_word(why.trim_end()))
     }
 

@@ -2,13 +2,15 @@
 //! around sealed bytes, the lines that show who seals, and those by which keys are agreed on. The cryptography is the
 //! call's.
 
+use crate::refusal::REFUSAL_LINE;
+use crate::with_session_lines;
+
 /// How the line begins by which the sender and a viewer that it hands over agree on a key: of the viewer's offer, and of
 /// the sender's answer.
 pub const EXCHANGE_LINE: &str = "a=mon3tr-exchange:";
 
-/// How all lines begin that a sender shows; and how the one does by which it says that it does not serve the viewer.
-const SHOWN: &str = "a=mon3tr-";
-const REFUSED: &str = "a=mon3tr-refused:";
+/// How all lines begin that a sender adds to its answer.
+const ADDED: &str = "a=mon3tr-";
 
 /// The first byte of each message.
 const SEALED: u8 = 20;
@@ -61,14 +63,12 @@ impl Header {
 /// The forwarder's answer with what the sender shows of itself and of the keys in its own `refusal`.
 #[must_use]
 pub fn with_exchange(answer: &str, refusal: &str) -> String {
-    let is_shown = |line: &&str| line.starts_with(SHOWN) && !line.starts_with(REFUSED);
-    let shown = refusal.lines().filter(is_shown);
-    let shown: String = shown
+    let is_copied = |line: &&str| line.starts_with(ADDED) && !line.starts_with(REFUSAL_LINE);
+    let copied = refusal.lines().filter(is_copied);
+    let copied: String = copied
         .map(|line| format!("{}\r\n", line.trim_end()))
         .collect();
-    let media = answer.find("\nm=").map_or(answer.len(), |at| at + 1);
-    let (session, media) = answer.split_at(media);
-    [session, &shown, media].concat()
+    with_session_lines(answer, &[&copied])
 }
 
 /// Writes the lines of a seal, for the other side's `session`, into `out`, which is cleared first.

@@ -9,7 +9,7 @@ use crate::path::Path;
 use crate::peer::{Peer, PeerEvent, SendOutcome};
 use crate::plan::Plan;
 use crate::sdp::Description;
-use crate::seal::Sealer;
+use crate::seal::{Sealer, Sealing};
 use crate::telling::{Repeated, Telling};
 use crate::visitor::Visitor;
 use crate::{CallError, answer_bye, is_set, send_bye};
@@ -59,13 +59,11 @@ impl Outlet<'_> {
         let Some(sealer) = &mut self.sealer else {
             return self.peer.try_send(message).await;
         };
-        if !sealer.has_viewers() {
-            return SendOutcome::Skipped;
+        match sealer.message(self.session, message, &mut self.sealed) {
+            Sealing::Sealed => self.peer.try_send(&self.sealed).await,
+            Sealing::NoViewer => SendOutcome::Skipped,
+            Sealing::Failed => SendOutcome::Closed,
         }
-        if !sealer.message(self.session, message, &mut self.sealed) {
-            return SendOutcome::Closed;
-        }
-        self.peer.try_send(&self.sealed).await
     }
 
     /// Sends a message of keys, which forwarders hand on; whether it could be sent.
@@ -91,25 +89,28 @@ impl Outlet<'_> {
 }
 
 impl Shared {
-    /// Takes the side that offers, or says why it does not.
+    /// Decides whether this side or the server serves the side that offers.
+    ///
+    /// # Errors
+    /// If neither does.
     async fn admit(
         &self,
         room: &RoomLink,
         name: &Name,
         offer: &Offer,
-    ) -> Result<Admitted, CallError> {
+    ) -> Result<Admission<Admitted>, CallError> {
         // What is sealed is of no use to a forwarder, so it has nothing to prove.
         let hands_over =
             self.places.forwards.load(Relaxed) && introduction::may_be_handed_over(room);
         if offer.forwards && hands_over {
             let sealer = Sealer::new(room, self.avatar, self.epochs.clone())?;
             return match take(&self.places.forwarders) {
-                Some(place) => Ok(Admitted {
+                Some(place) => Ok(Admission::Served(Admitted {
                     offer: Description::read(&offer.sdp)?,
                     visitor: None,
                     place: Some(place),
                     sealer,
-                }),
+                })),
                 None => Err(CallError::TooManyViewers),
             };
         }
@@ -135,12 +136,12 @@ impl Shared {
             has_room.then_some(None)
         };
         match place {
-            Some(place) => Ok(Admitted {
+            Some(place) => Ok(Admission::Served(Admitted {
                 offer: offer_read,
                 visitor: Some(visitor),
                 place,
                 sealer: None,
-            }),
+            })),
             None if hands_over && may_be_handed_over => {
                 let exchange = offer_read.shown.exchange.as_deref();
                 let [answer, signed] = self.epochs.admit(name, exchange, room, self.avatar)?;
@@ -151,38 +152,45 @@ impl Shared {
                 }
                 let shown = introduction::lines(own, room, Purpose::Exchange, &signed);
                 let exchange = format!("{}{answer}\r\n{shown}", sealed::EXCHANGE_LINE);
-                Err(CallError::HandedOver { exchange })
+                let answer = Refusal::Full.answer() + &exchange;
+                Ok(Admission::HandedOver { answer })
             }
             None => Err(CallError::TooManyViewers),
         }
     }
 
-    /// Takes the side that offers, and makes this side of the connection and the answer.
+    /// The same; where this side serves the one that offers, with this side of their connection and the answer.
     async fn prepare(
         &self,
         room: &RoomLink,
         name: &Name,
         offer: &Offer,
         plan: Plan,
-    ) -> Result<(Admitted, Peer, String), CallError> {
-        let admitted = self.admit(room, name, offer).await?;
+    ) -> Result<Admission<(Admitted, Peer, String)>, CallError> {
+        let admitted = match self.admit(room, name, offer).await? {
+            Admission::Served(admitted) => admitted,
+            Admission::HandedOver { answer } => return Ok(Admission::HandedOver { answer }),
+        };
         let offer = &admitted.offer;
         let (peer, answer) = Peer::answer(plan, self.channel, offer).await?;
         let own = self.credentials.as_ref();
         let answer = introduction::introduce_sender(own, room, self.avatar, offer, &answer)?;
-        Ok((admitted, peer, answer))
+        Ok(Admission::Served((admitted, peer, answer)))
     }
 
-    /// Answers a viewer that is not taken.
+    /// Answers a viewer that is refused.
     async fn refuse(&self, room: &RoomLink, name: &Name, why: &CallError) {
         let refusal = why.refusal();
         log::debug!("a viewer is refused: {refusal:?}");
-        let mut answer = refusal.answer();
-        if let CallError::HandedOver { exchange } = why {
-            answer.push_str(exchange);
-        }
-        if let Err(error) = self.client.answer(room, name, &answer).await {
-            log::debug!("a viewer was not told why it is not taken: {error}");
+        self.decline(room, name, &refusal.answer()).await;
+    }
+
+    /// Sends a viewer the answer that this side does not serve it.
+    async fn decline(&self, room: &RoomLink, name: &Name, answer: &str) {
+        if let Err(error) = self.client.answer(room, name, answer).await {
+            log::debug!(
+                "the answer to a viewer that is not served here was not delivered: {error}"
+            );
             // It waits no longer, so the server does not serve it either.
             self.door.left(name);
             self.epochs.leave(name);
@@ -195,7 +203,17 @@ fn take(places: &Arc<Semaphore>) -> Option<OwnedSemaphorePermit> {
     Arc::clone(places).try_acquire_owned().ok()
 }
 
-/// A viewer that is taken.
+/// Which side serves the side that offers.
+enum Admission<T> {
+    Served(T),
+    /// The server does, in place of this side.
+    HandedOver {
+        /// What the viewer is answered, with this side's half of the agreement on the keys.
+        answer: String,
+    },
+}
+
+/// A side that this one serves.
 struct Admitted {
     offer: Description,
     /// Who it is, as far as it says so; nothing of the server's forwarder.
@@ -227,15 +245,17 @@ pub(super) async fn serve_viewer(
         }
     };
     let (admitted, mut peer, answer) = match prepared {
-        Ok(prepared) => prepared,
+        Ok(Admission::Served(prepared)) => prepared,
+        Ok(Admission::HandedOver { answer }) => {
+            shared.decline(&room, name, &answer).await;
+            return Ok(());
+        }
         Err(why) => {
             shared.refuse(&room, name, &why).await;
             return match why {
-                // The performer has nothing to do about it.
-                CallError::HandedOver { .. } => Ok(()),
                 CallError::Refused(Refusal::Seat) => Err(CallError::NotSeated),
                 CallError::Refused(Refusal::Link) => Err(why),
-                // They are told, and so is the performer, at the door.
+                // `Door::knock` has reported it to the performer.
                 CallError::Refused(_) => Ok(()),
                 why => Err(why),
             };
