@@ -5,7 +5,7 @@ For maintainers, when a prefix is to be renewed; `./run` only reads the lock fil
 It follows Depends/Pre-Depends of a prefix's roots in the suites' indices, taking the first alternative that exists. It does
 not check an index's signature: review the diff.
 
-    scripts/lock-debian.py [lavapipe] [spirv-val] [nats-server] [pulseaudio] [ip] [nft] [monado] [android-tools] [java] [clang] [arm64] [adreno]    (all without a name; from https://deb.debian.org/debian)
+    scripts/lock-debian.py [lavapipe] [spirv-val] [nats-server] [pulseaudio] [ip] [nft] [faketime] [monado] [android-tools] [java] [clang] [arm64] [adreno]    (all without a name; from https://deb.debian.org/debian)
 
 Where only a few files of the roots are wanted, a prefix names them (`linked`), and of the packages it keeps those with a
 library that these files link, directly or through others; this fetches all of them, and needs dpkg-deb and readelf.
@@ -88,6 +88,16 @@ PREFIXES = {
         "arches": ["amd64", "arm64"],
         "roots": ["nftables"],
         "linked": ["nft"],
+    },
+    "faketime": {
+        "what": "libfaketime, which sets the clock of a test's program",
+        "lock": "scripts/faketime-{arch}.lock",
+        "arches": ["amd64", "arm64"],
+        # The release before: a program's own C library may be older than the present one's.
+        "suite": "bookworm",
+        "roots": ["libfaketime"],
+        # The program's own.
+        "left_out": ["libc6"],
     },
     "monado": {
         "what": "Monado, OpenXR's loader, an X server without a screen, and what they need",
@@ -241,7 +251,7 @@ def main():
     day = datetime.datetime.now(datetime.timezone.utc).strftime("%Y%m%dT000000Z")
     for prefix in (PREFIXES[name] for name in sys.argv[1:] or PREFIXES):
         for arch in prefix["arches"]:
-            packages, providers = index(STABLE, arch)
+            packages, providers = index(prefix.get("suite", STABLE), arch)
             packages = dict(packages)
             for name in prefix.get("backports", []):
                 packages[name] = index(BACKPORTS, arch)[0][name]

@@ -16,6 +16,7 @@
 #   MON3TR_NATS_SERVER MON3TR_PYTHON          the NATS server, and a python3 with aiortc and moto, only where they were asked for
 #   MON3TR_PULSEAUDIO                         the sound server PulseAudio, only where it was asked for
 #   MON3TR_IP MON3TR_NFT                      ip and nft, which make networks with NAT, only where they were asked for
+#   MON3TR_FAKETIME                           libfaketime, which sets a program's clock, only where it was asked for
 #   MON3TR_ANDROID_PARTS MON3TR_CLANG         others' libraries in the headset's package and, without an NDK, a clang, only where
 #   MON3TR_ANDROID_PARTS_QNN                  they were asked for
 #   MON3TR_ANDROID_PARTS_REHEARSAL            what of that is for this machine's processor, only where it was asked for
@@ -63,6 +64,8 @@ export MON3TR_CACHE
 . "$repo/scripts/nats-server.sh"
 # shellcheck source=scripts/pulseaudio.sh
 . "$repo/scripts/pulseaudio.sh"
+# shellcheck source=scripts/faketime.sh
+. "$repo/scripts/faketime.sh"
 # shellcheck source=scripts/network-programs.sh
 . "$repo/scripts/network-programs.sh"
 # shellcheck source=scripts/monado.sh
@@ -272,6 +275,9 @@ find_todo() {
 		if ! nft_is_there && command -v dpkg-deb >/dev/null; then
 			todo+=("install_nft|nft $(locked_version "$nft_lock" nftables) with its libraries, from Debian ($(lock_megabytes "$nft_lock") MB): tests make routers with NAT with it")
 		fi
+		if ! faketime_is_there && command -v dpkg-deb >/dev/null; then
+			todo+=("install_faketime|libfaketime $(locked_version "$faketime_lock" libfaketime), from Debian (0.1 MB): a test sets the clock of a call's member with it")
+		fi
 		if ! python_is_there && [ -n "$python_found" ]; then
 			todo+=("install_python|aiortc and moto with what they need, from PyPI, for $python_found ($(python_megabytes) MB): tests call with the one and store into the other")
 		fi
@@ -396,6 +402,7 @@ export_environment() {
 		if pulseaudio_is_there; then export_pulseaudio; fi
 		if ip_is_there; then export_ip; fi
 		if nft_is_there; then export_nft; fi
+		if faketime_is_there; then export_faketime; fi
 		if python_is_there; then export_python; else explain_no_python; fi
 	fi
 	if [ "$with_xr" = 1 ]; then

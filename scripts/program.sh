@@ -26,5 +26,7 @@ run_program() {
 	local program
 	program=$(program_of "$1")
 	say_first_build "$program"
-	exec cargo run --release --manifest-path "$repo/Cargo.toml" --package "$program" --bin "$program" -- "$@"
+	cargo build --release --manifest-path "$repo/Cargo.toml" --package "$program" --bin "$program" || exit
+	# Not by `cargo run`, which prints the whole command line: it may have a link or a token.
+	exec ${MON3TR_RUNNER:+"$MON3TR_RUNNER"} "${CARGO_TARGET_DIR:-$repo/target}/release/$program" "$@"
 }

@@ -5,8 +5,9 @@
     $MON3TR_PYTHON aiortc_attacker.py sender LINK --attack NAME --sha256 HASH --bytes N [...]
 
 Attacks: `fragments` chains of DTLS fragments in clear, after the handshake; `early` records of the next epoch before it; `channels` opens
-data channels in band; `streams` sends on SCTP streams of no channel; `holes` sends SCTP messages after one that never comes; `rtp` and
-`rtcp` send packets that no honest side sends.
+data channels in band; `streams` sends on SCTP streams of no channel; `holes` sends SCTP messages after one that never comes; `skips` gives
+up SCTP messages that were never sent (RFC 3758); `resets` resets SCTP streams (RFC 6525); `rtp` and `rtcp` send packets that no honest
+side sends; `certificate` has DTLS with another certificate than the one of the offer or answer.
 
 Prints what was sent as one line of JSON.
 """
@@ -25,6 +26,7 @@ import aiortc.rtcdtlstransport
 import aiortc.rtcsctptransport as aiortc_sctp
 from aiortc_peer import bind_to, new_peer
 
+ATTACKS = ["fragments", "early", "channels", "streams", "holes", "skips", "resets", "rtp", "rtcp", "certificate"]
 PAYLOAD_TYPE = 111
 DCEP, STRING = 50, 51
 
@@ -139,6 +141,27 @@ class Attack:
             elif self.options.attack == "holes":
                 await self.paced(dtls, lambda number: self.unordered(sctp, number), range(1, 20_000))
 
+            elif self.options.attack == "skips":
+                await self.paced(dtls, lambda number: self.skip(sctp, number), range(1, 6_000))
+            elif self.options.attack == "resets":
+                await self.paced(dtls, lambda number: self.reset(sctp, number), range(1, 6_000))
+
+    async def skip(self, sctp, number):
+        """Says that no message comes before one that is near, far or behind."""
+        chunk = aiortc_sctp.ForwardTsnChunk()
+        ahead = (number, 1 << random.randrange(32), secrets.randbits(32))[number % 3]
+        chunk.cumulative_tsn = (sctp._local_tsn + ahead) & 0xFFFFFFFF
+        chunk.streams = [(random.choice((0, 1, secrets.randbits(16))), secrets.randbits(16)) for _ in range(number % 200)]
+        await sctp._send_chunk(chunk)
+
+    async def reset(self, sctp, number):
+        """Asks that streams begin again, all of them or some, with numbers of requests that follow each other or do not."""
+        request = (sctp._reconfig_request_seq + number) & 0xFFFFFFFF if number % 2 else secrets.randbits(32)
+        last = (sctp._local_tsn + random.choice((-1, 5, 1 << 20))) & 0xFFFFFFFF
+        streams = [random.choice((0, 1, secrets.randbits(16))) for _ in range(number % 200)]
+        parameter = aiortc_sctp.StreamResetOutgoingParam(request, secrets.randbits(32), last, streams)
+        await sctp._send_reconfig_param(parameter)
+
     async def unordered(self, sctp, number):
         """A message of stream 0 so many after the next one, which is never sent."""
         chunk = aiortc_sctp.DataChunk(flags=aiortc_sctp.SCTP_DATA_UNORDERED | aiortc_sctp.SCTP_DATA_FIRST_FRAG | aiortc_sctp.SCTP_DATA_LAST_FRAG)
@@ -157,6 +180,17 @@ class Attack:
 
         aiortc.rtcdtlstransport.RTCDtlsTransport._do_handshake = attacked
 
+    def with_another_certificate(self):
+        """Has each DTLS connection begin with a certificate that no offer or answer names."""
+        start = aiortc.rtcdtlstransport.RTCDtlsTransport.start
+
+        async def attacked(transport, parameters):
+            transport._RTCDtlsTransport__local_certificate = aiortc.RTCCertificate.generateCertificate()
+            self.sent += 1
+            await start(transport, parameters)
+
+        aiortc.rtcdtlstransport.RTCDtlsTransport.start = attacked
+
 
 class Viewer(aiortc_viewer.Call):
     """Sends feedback as a viewer does, and attacks."""
@@ -174,6 +208,8 @@ class Viewer(aiortc_viewer.Call):
             await self.attack.on(peer)
             await asyncio.sleep(self.options.seconds)
             telling.cancel()
+        elif joining.done():
+            print(f"did not join: {joining.exception()!r}", file=sys.stderr)
         joining.cancel()
         return {"frames": self.frames}
 
@@ -193,7 +229,7 @@ class Sender(aiortc_sender.Sender):
             asyncio.ensure_future(self.attack_viewer(self.viewers[name]))
 
     async def attack_viewer(self, viewer):
-        if self.options.attack != "early":
+        if self.options.attack not in ("early", "certificate"):
             while viewer.session is None:
                 await asyncio.sleep(0.05)
         await self.attack.on(viewer.peer)
@@ -212,7 +248,7 @@ async def main():
     parser = argparse.ArgumentParser(description="a viewer or a sender that attacks")
     parser.add_argument("who", choices=["viewer", "sender"])
     parser.add_argument("link", help="the room's link for it")
-    parser.add_argument("--attack", required=True, choices=["fragments", "early", "channels", "streams", "holes", "rtp", "rtcp"])
+    parser.add_argument("--attack", required=True, choices=ATTACKS)
     parser.add_argument("--times", type=int, default=1, help="how often")
     parser.add_argument("--seconds", type=float, default=4.0, help="how long it stays after it")
     parser.add_argument("--sha256", help="hash of an avatar package that the server has")
@@ -224,6 +260,8 @@ async def main():
     attack = Attack(options)
     if options.attack == "early":
         attack.before_the_handshake()
+    if options.attack == "certificate":
+        attack.with_another_certificate()
     counts = {}
     if options.who == "viewer":
         counts = await Viewer(options, attack).run()

@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::Receiver;
 
 /// What keys do, as it is told at the start.
-pub(crate) const KEYS: &str = "keys: m mute, h hide, s see yourself, w who is there, q hang up (in the window, or here with Enter); here alone: l lock or unlock, x KEY send the one away whose key begins so, a N let N in";
+pub(crate) const KEYS: &str = "keys: m mute, h hide, s see yourself, w who is there, q hang up (in the window, or here with Enter); on this terminal only: l lock or unlock, x KEY send away the person whose key begins so, a N let person N in";
 
 /// What may be typed instead of a key.
 const WORDS: [(char, &str); 5] = [

@@ -264,3 +264,16 @@ fn insecure_servers_are_refused_unless_they_are_wanted() {
     let receive = ["receive", link, "--display", "none", "--seconds", "1"];
     mon3tr(&receive).fails_naming(&["http://203.0.113.9:9", "without TLS", "--insecure"]);
 }
+
+#[test]
+fn tokens_are_made_and_taken_back_only_where_a_server_has_started() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let elsewhere = folder.path().join("elsewhere");
+    let data = text(&elsewhere);
+    let name = "0".repeat(32);
+    for asked in [["--new-owner", "ada"], ["--revoke", &name]] {
+        let refused = mon3tr(&[&["serve", "--data", data][..], &asked].concat());
+        refused.fails_naming(&[data, "no server has started", "--data"]);
+        assert!(!elsewhere.exists(), "nothing is made there");
+    }
+}

@@ -2,12 +2,16 @@
 
 use crate::until::Until;
 use app_session::participant::{CallReport, Origin, Participant};
+use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread::ScopedJoinHandle;
 use std::time::Duration;
 
 /// How long to wait at most before looking whether it is time to leave.
 const LOOK: Duration = Duration::from_millis(50);
+
+/// Reports that are kept of people who left before the end, the newest: people may come and go without end.
+const MOST_DEPARTED: usize = 16;
 
 /// The next one of `newcomers`; nothing when it is over.
 pub(super) fn next(newcomers: &Receiver<Participant>, until: &Until) -> Option<Participant> {
@@ -21,16 +25,22 @@ pub(super) fn next(newcomers: &Receiver<Participant>, until: &Until) -> Option<P
     None
 }
 
-/// Takes the frames of all `people`, each from when they come, until it is over or there are no more of them.
+/// Takes the frames of all `people`, each from when they come, until it is over or there are no more of them. Returns
+/// the reports of those who were there to the end, and the newest of the others.
 pub(super) fn run(people: impl Iterator<Item = Participant>, until: &Until) -> Vec<CallReport> {
     // By the number of the person.
     let (ended, reports) = channel();
+    let mut departed = VecDeque::new();
     std::thread::scope(|scope| {
         let mut live: Vec<ScopedJoinHandle<'_, ()>> = Vec::new();
         for (number, person) in people.enumerate() {
             // A thread that has ended keeps its stack until it is joined.
             for handle in live.extract_if(.., |handle| handle.is_finished()) {
                 joined(handle);
+            }
+            departed.extend(reports.try_iter());
+            while departed.len() > MOST_DEPARTED {
+                departed.pop_front();
             }
             let ended = ended.clone();
             live.push(scope.spawn(move || {
@@ -40,7 +50,7 @@ pub(super) fn run(people: impl Iterator<Item = Participant>, until: &Until) -> V
         }
         live.into_iter().for_each(joined);
     });
-    let mut reports: Vec<_> = reports.try_iter().collect();
+    let mut reports: Vec<_> = departed.into_iter().chain(reports.try_iter()).collect();
     reports.sort_by_key(|(number, _)| *number);
     reports
         .into_iter()

@@ -15,7 +15,7 @@ mod watchdog;
 use crate::device_options::make_folder;
 use crate::network::{Network, asked_to_end};
 use crate::owner_token::server_folder;
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use forwarding::Forwarder;
 use link_protocol::ice::IceUrl;
 use server::{Config, Secret, Server, StoreConfig, TurnConfig, own_address};
@@ -94,8 +94,13 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     keep_to_oneself();
     raise_open_files();
     let folder = server_folder(options.data.as_deref())?;
-    make_folder(&folder)?;
     let [secret, previous] = ["secret", "secret.previous"].map(|name| folder.join(name));
+    ensure!(
+        secret.exists() || !options.tokens.are_asked_for(),
+        "no server has started with the folder {}, so a token of it would be worth nothing: give the --data that the server has",
+        folder.display()
+    );
+    make_folder(&folder)?;
     for file in [&secret, &previous] {
         if file.exists() {
             identity::open_private(file)

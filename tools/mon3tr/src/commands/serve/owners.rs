@@ -37,6 +37,11 @@ pub(super) struct TokenOptions {
 }
 
 impl TokenOptions {
+    /// Whether tokens of a server that has started before are asked for.
+    pub(super) fn are_asked_for(&self) -> bool {
+        self.new_owner.is_some() || self.revoke.is_some()
+    }
+
     /// Does what was asked for; whether anything was.
     pub(super) fn run(&self, owners: &Owners) -> anyhow::Result<bool> {
         if let Some(name) = &self.new_owner {
@@ -44,7 +49,7 @@ impl TokenOptions {
             let (token, id) = owners.make(name, holds)?;
             println!("{token}");
             eprintln!(
-                "it holds for {} days; `serve --revoke {id}` takes it back before",
+                "it holds for {} days; its name is {id}: `serve --revoke {id}`, with the same --data, takes it back before",
                 self.days
             );
             return Ok(true);
@@ -52,9 +57,15 @@ impl TokenOptions {
         let Some(token) = &self.revoke else {
             return Ok(false);
         };
-        let id = owners.name_of(&token.read("token")?)?;
+        let (id, is_known) = owners.name_of(&token.read("token")?)?;
         server::revoke(&owners.revoked_file(), id)?;
-        println!("the token called {id} holds no longer");
+        if is_known {
+            println!("the token called {id} holds no longer");
+        } else {
+            println!(
+                "a token called {id} holds no longer; by its name alone nothing tells whether there is one"
+            );
+        }
         Ok(true)
     }
 }
@@ -89,11 +100,13 @@ impl Owners {
         Ok((token, id))
     }
 
-    /// The name of a token, given by itself or by its name.
-    fn name_of(&self, given: &str) -> anyhow::Result<Id> {
+    /// The name of a token, given by itself or by its name; whether it is one of this server's, which its name does not
+    /// tell.
+    fn name_of(&self, given: &str) -> anyhow::Result<(Id, bool)> {
         let given = given.trim();
         Id::parse(given)
-            .or_else(|| Some(self.secret.look_at_token(given)?.0))
+            .map(|id| (id, false))
+            .or_else(|| Some((self.secret.look_at_token(given)?.0, true)))
             .context("that is neither a token of this server nor the name of one (32 hexadecimal digits): of a link, give what follows the #, up to the first colon; with another --data folder than the usual one, give that, too")
     }
 

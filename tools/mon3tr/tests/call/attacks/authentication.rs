@@ -2,9 +2,11 @@
 
 mod middle;
 
+use super::packets::{EmptyRoom, attack};
 use crate::both_ways::{begin, host};
 use crate::command::command;
 use crate::house::{House, Program, count, wait_for};
+use crate::interop::python;
 use link_call::forward::Forwarder;
 use link_http::Client;
 use link_playout::Clock;
@@ -184,6 +186,29 @@ fn forwarders_take_no_answer_with_a_hidden_certificate_and_are_sent_nothing() {
     );
     let sent = sender.program.ends();
     assert_eq!(count(&sent, "sent"), 0, "{sent:#}");
+}
+
+#[test]
+fn a_side_with_another_certificate_than_it_signed_is_sent_and_shows_nothing() {
+    let Some(python) = python() else {
+        return;
+    };
+    let house = House::open();
+    let sender = house.sender(&["--codec", "paper"]);
+    let told = attack(&python, "viewer", &sender.viewers, "certificate", &[]);
+    assert!(count(&told, "sent") > 0, "DTLS did not begin: {told}");
+    assert_eq!(count(&told, "frames"), 0, "{told}");
+    let sent = sender.program.ends();
+    assert_eq!(count(&sent, "sent"), 0, "{sent:#}");
+
+    let room = EmptyRoom::open(&house);
+    let viewer = house.receiver(&room.viewers, "viewer", &[]);
+    let told = room.attack(&python, "certificate");
+    assert!(count(&told, "sent") > 0, "DTLS did not begin: {told}");
+    let seen = viewer.ends();
+    let received = &seen["call"]["received"];
+    let counts = ["sessions", "frames", "voice"].map(|name| count(received, name));
+    assert_eq!(counts, [0; 3], "{seen:#}");
 }
 
 /// `mon3tr call` as `name`, with a key of their own.

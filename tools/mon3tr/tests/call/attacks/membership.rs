@@ -1,8 +1,8 @@
 //! Holders of a call link watch without a seat, take seats and disconnect members; holders of a room's link take every
 //! place.
 
-use super::extent;
 use super::relay::Relay;
+use super::{Times, extent};
 use crate::both_ways::{Host, host, prepare};
 use crate::command::command;
 use crate::handover::{Hall, ends};
@@ -131,9 +131,10 @@ fn offers_of_which_no_connection_can_be_made_are_answered_and_keep_no_newcomer_o
             .collect();
         std::thread::sleep(Duration::from_secs(2));
         let hall = Hall::of(&house);
+        let mut newcomers = Times::of("joins beside offers that cannot be read");
         for _ in 0..extent(3, 20) {
             let viewer = hall.join_as(&link, hall.authentication.clone());
-            println!("a newcomer sees the sender after {:?}", joins(&viewer));
+            newcomers.add(joins(&viewer));
         }
         over.store(true, Relaxed);
         for thread in threads {
@@ -496,9 +497,10 @@ fn a_link_holder_with_every_place_of_a_room_makes_room_for_newcomers() {
     });
     // Of another address, with a key and without one; they stay.
     let newcomers = [keyed(100), hall.authentication.clone(), keyed(101)];
+    let mut times = Times::of("joins beside a holder of every place");
     let newcomers = newcomers.map(|authentication| {
         let viewer = hall.join_as(&link, authentication);
-        println!("a newcomer sees the sender after {:?}", joins(&viewer));
+        times.add(joins(&viewer));
         viewer
     });
     let before = newcomers.each_ref().map(|it| it.statistics().frames);

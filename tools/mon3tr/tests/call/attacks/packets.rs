@@ -240,7 +240,7 @@ fn a_host_without_a_link_ends_no_forwarding_server_by_packets() {
 }
 
 /// A program with a right link attacks the other end; returns its counts.
-fn attack(python: &str, who: &str, link: &str, attack: &str, more: &[&str]) -> Value {
+pub(super) fn attack(python: &str, who: &str, link: &str, attack: &str, more: &[&str]) -> Value {
     let times = extent(1, 5).to_string();
     let mut command = Command::new(python);
     command
@@ -253,12 +253,51 @@ fn attack(python: &str, who: &str, link: &str, attack: &str, more: &[&str]) -> V
     told
 }
 
-const ATTACKS: [&str; 7] = [
+/// A room that awaits its sender, and the avatar that it may show.
+pub(super) struct EmptyRoom {
+    sender: String,
+    pub(super) viewers: String,
+    avatar: AvatarRef,
+}
+
+impl EmptyRoom {
+    pub(super) fn open(house: &House) -> Self {
+        let room = house.runtime.block_on(async {
+            let client = Client::new(None).expect("a client");
+            let server = format!("http://{}", house.address);
+            let server: ServerUrl = server.parse().expect("an address");
+            let token = house.owner_token();
+            let put = client.put_package(&server, &token, &house.avatar, |_, _| {});
+            put.await.expect("the package is taken");
+            let room = client.open_room(&server, &token, None);
+            room.await.expect("a room")
+        });
+        Self {
+            sender: room.sender.to_string(),
+            viewers: room.viewer.to_string(),
+            avatar: AvatarRef::of_file(&house.avatar).expect("the package"),
+        }
+    }
+
+    /// As [`attack`], by a sender in this room.
+    pub(super) fn attack(&self, python: &str, name: &str) -> Value {
+        let (hash, bytes) = (
+            self.avatar.sha256.to_string(),
+            self.avatar.bytes.to_string(),
+        );
+        let more = ["--sha256", &hash, "--bytes", &bytes];
+        attack(python, "sender", &self.sender, name, &more)
+    }
+}
+
+const ATTACKS: [&str; 9] = [
     "fragments",
     "early",
     "channels",
     "streams",
     "holes",
+    "skips",
+    "resets",
     "rtp",
     "rtcp",
 ];
@@ -291,30 +330,13 @@ fn a_sender_with_the_link_ends_no_viewer_by_packets() {
         return;
     };
     let house = House::open();
-    let avatar = AvatarRef::of_file(&house.avatar).expect("the package");
-    let (hash, bytes) = (avatar.sha256.to_string(), avatar.bytes.to_string());
-    let room = house.runtime.block_on(async {
-        let client = Client::new(None).expect("a client");
-        let server = format!("http://{}", house.address);
-        let server: ServerUrl = server.parse().expect("an address");
-        let token = house.owner_token();
-        let put = client.put_package(&server, &token, &house.avatar, |_, _| {});
-        put.await.expect("the package is taken");
-        client
-            .open_room(&server, &token, None)
-            .await
-            .expect("a room")
-    });
-    let mut viewer = house.receiver(&room.viewer.to_string(), "viewer", &[]);
-    let (own, more) = (
-        room.sender.to_string(),
-        ["--sha256", &hash, "--bytes", &bytes],
-    );
-    attack(&python, "sender", &own, "fragments", &more);
+    let room = EmptyRoom::open(&house);
+    let mut viewer = house.receiver(&room.viewers, "viewer", &[]);
+    room.attack(&python, "fragments");
     assert!(viewer.is_running(), "{}", viewer.said());
     let before = viewer.resident_memory();
     for name in ATTACKS {
-        let told = attack(&python, "sender", &own, name, &more);
+        let told = room.attack(&python, name);
         assert!(count(&told, "sent") > 10, "{name}: {told}");
         assert!(viewer.is_running(), "{name}: {}", viewer.said());
         let grown = viewer.resident_memory().saturating_sub(before);

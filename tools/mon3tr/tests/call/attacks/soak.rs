@@ -6,7 +6,7 @@ use crate::command::json;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 use synthetic_person::{Puppet, PuppetSize};
 use tempfile::TempDir;
 use test_support::internet::{Home, HomeKind, Internet, SERVER};
@@ -33,6 +33,56 @@ const INTERRUPTED: f64 = 10.0;
 /// How far a clock is set, as libfaketime reads it.
 const STEPS: [&str; 3] = ["+1800", "-1800", "+0"];
 
+/// The clock of a program, which libfaketime reads from a file.
+struct Clock {
+    library: String,
+    file: PathBuf,
+}
+
+impl Clock {
+    /// A clock that is right.
+    fn open(file: &Path) -> Option<Self> {
+        let Ok(library) = std::env::var("MON3TR_FAKETIME") else {
+            println!(
+                "skipped: no clock is set: MON3TR_FAKETIME names no libfaketime.so.1 (`./run test` sets it)"
+            );
+            let is_ci = std::env::var("CI").is_ok_and(|ci| ci == "true");
+            assert!(!is_ci, "CI must have libfaketime");
+            return None;
+        };
+        let file = file.to_owned();
+        let clock = Self { library, file };
+        // A library that the programs cannot load is left out by the loader, with a warning.
+        for (step, seconds) in [("+1800", 1800), ("+0", 0)] {
+            clock.set(step);
+            let mut date = through_runner("/bin/date");
+            clock.attach(date.arg("+%s"));
+            let date = date.output().expect("date runs");
+            let shown: i64 = (String::from_utf8_lossy(&date.stdout).trim().parse())
+                .unwrap_or_else(|_| panic!("{date:?}"));
+            let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+            let now = i64::try_from(now.expect("after 1970").as_secs()).expect("small");
+            let off = (shown - now - seconds).abs();
+            assert!(off < 60, "the clock is {off} s from what was set: {date:?}");
+        }
+        Some(clock)
+    }
+
+    /// Has a program, which is not started yet, go by this clock.
+    fn attach(&self, command: &mut Command) {
+        command
+            .env("LD_PRELOAD", &self.library)
+            .env("FAKETIME_TIMESTAMP_FILE", &self.file)
+            .env("FAKETIME_NO_CACHE", "1")
+            .env("FAKETIME_DONT_FAKE_MONOTONIC", "1");
+    }
+
+    /// Sets it, as libfaketime reads it: `+1800` is half an hour from now.
+    fn set(&self, step: &str) {
+        std::fs::write(&self.file, step).expect("it is written");
+    }
+}
+
 /// The members' networks, the server and its disk.
 struct World {
     // Dropped in this order.
@@ -43,8 +93,8 @@ struct World {
     visitors: Home,
     _internet: Internet,
     avatar: PathBuf,
-    /// `libfaketime.so.1`, where there is one, and the file that it reads.
-    faketime: Option<(String, PathBuf)>,
+    /// `None` where libfaketime is missing.
+    clock: Option<Clock>,
 }
 
 impl World {
@@ -69,17 +119,14 @@ impl World {
         let [ada, bob, visitors] = [(); 3].map(|()| internet.home(HomeKind::Cone));
         ada.lose(LOST_PERCENT);
         bob.lose(LOST_PERCENT);
-        let faketime = std::env::var("MON3TR_FAKETIME").ok();
-        let clock = folder.path().join("clock");
-        std::fs::write(&clock, "+0").expect("it is written");
         Some(Self {
+            clock: Clock::open(&folder.path().join("clock")),
             server,
             ada,
             bob,
             visitors,
             _internet: internet,
             avatar,
-            faketime: faketime.map(|library| (library, clock)),
             folder,
         })
     }
@@ -126,12 +173,8 @@ impl World {
         ]);
         words.extend(arguments);
         let mut command = self.command(name, &words);
-        if let (None, Some((library, clock))) = (link, &self.faketime) {
-            command
-                .env("LD_PRELOAD", library)
-                .env("FAKETIME_TIMESTAMP_FILE", clock)
-                .env("FAKETIME_NO_CACHE", "1")
-                .env("FAKETIME_DONT_FAKE_MONOTONIC", "1");
+        if let (None, Some(clock)) = (link, &self.clock) {
+            clock.attach(&mut command);
         }
         Program::start(home.machine().enter(&command).stdin(Stdio::null()))
     }
@@ -193,9 +236,8 @@ fn harm(world: &mut World, turn: usize) -> Option<PathBuf> {
         }
         _ => {
             let step = STEPS.get(turn / 4 % STEPS.len()).copied().unwrap_or("+0");
-            match &world.faketime {
-                Some((_, clock)) => std::fs::write(clock, step).expect("it is written"),
-                None => println!("skipped: no clock is set: MON3TR_FAKETIME names no libfaketime"),
+            if let Some(clock) = &world.clock {
+                clock.set(step);
             }
         }
     }
