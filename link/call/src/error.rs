@@ -145,11 +145,11 @@ fn refused(refusal: Refusal) -> &'static str {
             "the sender takes only those who have its whole link: was something at its end left out?"
         }
         Refusal::Full | Refusal::Many => "the sender has as many viewers as it serves",
-        Refusal::Wait => "the performer is asked to let you in: wait",
-        Refusal::Locked => {
-            "the room is locked: nobody new comes in now; ask the performer to unlock it"
+        Refusal::Wait => "the other side is asked to let you in: wait",
+        Refusal::Locked => "the other side is locked: no newcomer comes in until they unlock it",
+        Refusal::Removed => {
+            "the other side has sent you away: the two of you neither see nor hear each other"
         }
-        Refusal::Removed => "the performer has sent you away",
         Refusal::Guests => {
             "only the performer's guests come in, each by a link of their own: ask the performer for one"
         }

@@ -112,6 +112,9 @@ pub struct ViewerStatistics {
     /// Why the last try to join did not succeed, until one does; nothing while the sender is only awaited.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub not_joined: Option<String>,
+    /// Whether the sender's side is asked to let this one in.
+    #[serde(skip)]
+    pub waits: bool,
 }
 
 /// A viewer's place in a room.
@@ -305,6 +308,7 @@ impl Call {
                         s.sessions += 1;
                         s.path = path;
                         s.not_joined = None;
+                        s.waits = false;
                     });
                     if is_known {
                         self.voice.begin_connection();
@@ -318,13 +322,16 @@ impl Call {
                 }
                 Turn::Joined(Err(error)) => {
                     let why = (!error.is_absence()).then(|| error.to_string());
-                    self.with_statistics(|s| s.not_joined = why);
+                    let waits = matches!(error, CallError::Refused(_));
+                    self.with_statistics(|s| {
+                        s.not_joined = why;
+                        s.waits = waits;
+                    });
                     // Trying again may help, and so may who reads this.
                     let matters = matches!(
                         error,
                         CallError::NoWay { .. } | CallError::TooManyViewers | CallError::Refused(_)
                     );
-                    let waits = matches!(error, CallError::Refused(_));
                     let told = self.told.is_some_and(|at| at.elapsed() < TOLD_APART);
                     if matters && current.is_none() && !told {
                         self.told = Some(Instant::now());

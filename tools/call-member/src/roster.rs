@@ -311,7 +311,7 @@ impl Roster<'_> {
             let Some(key) = *key else {
                 if seats.unproved.insert(seat.room.clone()) {
                     (self.tell)(&format!(
-                        "careful: whoever has place {} of the call shows no key that proves to have the call's link, and neither sees you nor is shown: either their program is too old, or they have a part of the link only",
+                        "careful: whoever has place {} of the call shows no key that proves to have the call's link, and neither sees you nor is shown: either their program is too old, or they or you have a wrong link: was yours copied whole?",
                         number + 1
                     ));
                 }
@@ -398,7 +398,9 @@ impl Roster<'_> {
     /// Tells, once, of a person who sees and hears this side and does not let it see them.
     fn warn_of_hidden(&self, person: &mut Known) {
         let offered = person.joined;
-        let hides = offered.is_some_and(|offered| offered.elapsed() > UNANSWERED);
+        let hides = offered.is_some_and(|offered| offered.elapsed() > UNANSWERED)
+            && !person.watch.is_over()
+            && !person.watch.waits();
         if !hides || person.is_warned_of || !self.door.has_inside(person.key) {
             return;
         }

@@ -136,12 +136,12 @@ impl Controls {
                 .map(|member| member.name)
                 .next();
             let named = name.map_or_else(String::new, |name| format!("{name}, "));
-            let how = if waits {
-                "waits to be let in"
+            // Others are told from each other by their keys: their seats have numbers, too.
+            if waits {
+                println!("{number}: {named}{visitor} waits to be let in");
             } else {
-                "sees and hears you"
-            };
-            println!("{number}: {named}{visitor} {how}");
+                println!("{named}{visitor} sees and hears you");
+            }
         }
     }
 

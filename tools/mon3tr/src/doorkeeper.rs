@@ -3,6 +3,7 @@
 
 mod book;
 
+use crate::heap;
 use crate::network::Line;
 use crate::typed::take_lines;
 use anyhow::Context;
@@ -31,6 +32,9 @@ const LONGEST_LINE: usize = 200;
 
 /// Between two looks at what happens.
 const LOOK: Duration = Duration::from_millis(20);
+
+/// What people who came and left have freed is given back to the system so often.
+const TRIMMED_APART: Duration = Duration::from_secs(60);
 
 /// So many lines in such a time, at most: whoever has the link may come and go as they like.
 const MOST_LINES: usize = 20;
@@ -143,11 +147,25 @@ impl Doorkeeper {
         let is_number = is_short && rest.trim().parse::<u32>().is_ok();
         match word.to_ascii_lowercase().as_str() {
             "l" | "lock" if rest.is_empty() => self.obey(line),
-            "a" | "admit" | "x" | "remove" if is_number => self.obey(line),
+            "a" | "admit" | "x" | "remove" if is_number => self.obey_of_waiting(line, rest),
             "x" | "remove" if !rest.is_empty() => self.remove_member(rest.trim(), keys),
             _ => return false,
         }
         true
+    }
+
+    /// Does what a line with a number asks for, if who has that number waits: those who are in the call have other
+    /// numbers where they sit, and are sent away by their key.
+    fn obey_of_waiting(&self, line: &str, number: &str) {
+        let waits = |seen: &Seen| seen.waits && seen.number.to_string() == number.trim();
+        if self.door.seen().iter().any(waits) {
+            self.obey(line);
+        } else {
+            self.decided(format!(
+                "no person with the number {} waits; one who is in the call is sent away by their key: x KEY; w: who is there",
+                number.trim()
+            ));
+        }
     }
 
     /// Sends away the one member whose fingerprint begins so.
@@ -294,6 +312,7 @@ impl Doorkeeper {
     pub(crate) fn watch(&self, over: &AtomicBool) {
         let mut told: VecDeque<Instant> = VecDeque::new();
         let mut untold = 0;
+        let mut trimmed = Instant::now();
         loop {
             let is_over = over.load(Relaxed);
             while let Some(event) = self.door.next_event() {
@@ -315,6 +334,10 @@ impl Doorkeeper {
             if untold > 0 && told.len() < MOST_LINES {
                 println!("{untold} more came, waited or left; w: who is there");
                 untold = 0;
+            }
+            if trimmed.elapsed() >= TRIMMED_APART {
+                heap::trim();
+                trimmed = Instant::now();
             }
             // The last time is after everything else.
             self.keep();

@@ -19,6 +19,7 @@ pub mod film;
 mod flat;
 mod gaze;
 mod ground;
+mod heap;
 pub mod keys;
 mod lanes;
 mod moments;

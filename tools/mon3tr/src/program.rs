@@ -1,6 +1,7 @@
 //! How a program with these sub-commands starts and ends.
 
 use crate::device_options::DeviceOptions;
+use crate::heap;
 use crate::secret_argument;
 use crate::terminal::{self, PrintableLog};
 use clap::Parser;
@@ -23,7 +24,7 @@ pub struct SharedOptions {
 /// program writes to it would.
 pub fn start<A: Parser>(shared: impl FnOnce(&A) -> &SharedOptions) -> A {
     leave_no_core();
-    share_heaps();
+    heap::share();
     let matches = A::command().try_get_matches();
     let matches = matches.unwrap_or_else(|error| refuse(&error));
     secret_argument::hide(&matches);
@@ -81,18 +82,6 @@ fn leave_no_core() {
         };
         // Any process may lower this limit.
         let _ = setrlimit(Resource::Core, bounded);
-    }
-}
-
-/// Has all threads share two of glibc's heaps. By itself it makes up to eight for each processor, and the short-lived
-/// threads of people who come to a call and go leave some pages used in each of them: a member grew by 1.4 MB an hour.
-fn share_heaps() {
-    #[cfg(all(target_os = "linux", target_env = "gnu"))]
-    {
-        const HEAPS: std::ffi::c_int = 2;
-        // SAFETY: mallopt may be called at any time; before other threads begin, each of them is bound by it. Where it
-        // refuses, the heaps are as many as before.
-        unsafe { libc::mallopt(libc::M_ARENA_MAX, HEAPS) };
     }
 }
 

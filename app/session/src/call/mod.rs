@@ -122,6 +122,7 @@ impl Call {
                 frames: received.frames,
                 lost: self.buffer.statistics().lost,
             });
+            self.watch.tell_waits(received.waits);
         }
         let due = self.buffer.next().map_or(until, |(_, due)| due.min(until));
         let pause = Duration::from_micros(due.0.saturating_sub(now.0));

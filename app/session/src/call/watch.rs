@@ -32,6 +32,7 @@ struct Counts {
     hidden: AtomicBool,
     leaves: AtomicBool,
     is_over: AtomicBool,
+    waits: AtomicBool,
     /// Why the call failed.
     failure: OnceLock<String>,
     /// Who it is: the key, and the name that was signed with it.
@@ -81,6 +82,12 @@ impl CallWatch {
         self.0.is_over.load(Relaxed) || self.is_left()
     }
 
+    /// Whether the person is asked to let this side in.
+    #[must_use]
+    pub fn waits(&self) -> bool {
+        self.0.waits.load(Relaxed)
+    }
+
     /// Why the call failed, if it has; nothing where it ended otherwise.
     #[must_use]
     pub fn failure(&self) -> Option<&str> {
@@ -112,6 +119,10 @@ impl CallWatch {
     pub(crate) fn tell_state(&self, state: PersonState) {
         self.0.muted.store(state.muted, Relaxed);
         self.0.hidden.store(state.hidden, Relaxed);
+    }
+
+    pub(crate) fn tell_waits(&self, waits: bool) {
+        self.0.waits.store(waits, Relaxed);
     }
 
     pub(crate) fn tell(&self, counts: CallCounts) {

@@ -52,7 +52,7 @@ fn newcomers_wait_until_they_are_let_in_and_whoever_is_sent_away_stays_away() {
     let own = ada.word_after("comes back with --room ");
     let mut bob = watcher(&house, &link, "bob");
     ada.says("wants to come in: type a 1", 1);
-    bob.says("the performer is asked to let you in", 1);
+    bob.says("the other side is asked to let you in", 1);
     assert!(!bob.said().contains("joined (session"), "{}", bob.said());
     types(&mut lines, "a 1");
     bob.says("joined (session", 1);
@@ -61,13 +61,13 @@ fn newcomers_wait_until_they_are_let_in_and_whoever_is_sent_away_stays_away() {
     let mut eve = watcher(&house, &link, "eve");
     ada.says("wants to come in: type a 2", 1);
     types(&mut lines, "x 2");
-    eve.says("the performer has sent you away", 1);
+    eve.says("the other side has sent you away", 1);
     assert!(eve.fails().contains("sent you away"));
 
     types(&mut lines, "l");
     ada.says("the room is locked", 1);
     let zoe = watcher(&house, &link, "zoe");
-    assert!(zoe.fails().contains("the room is locked"));
+    assert!(zoe.fails().contains("the other side is locked"));
     // Who was inside comes in again.
     bob.kill();
     let mut bob = watcher(&house, &link, "bob");
@@ -87,7 +87,7 @@ fn newcomers_wait_until_they_are_let_in_and_whoever_is_sent_away_stays_away() {
     let bob = watcher(&house, &link, "bob");
     assert!(bob.fails().contains("sent you away"));
     let zoe = watcher(&house, &link, "zoe");
-    assert!(zoe.fails().contains("the room is locked"));
+    assert!(zoe.fails().contains("the other side is locked"));
     types(&mut lines, "l");
     ada.says("the room is open again", 1);
     let zoe = watcher(&house, &link, "zoe");

@@ -280,6 +280,9 @@ fn a_member_who_is_sent_away_stays_away_and_a_locked_call_takes_nobody_new() {
         let line = line.expect("her key is told");
         line.rsplit(' ').next().expect("a word").to_owned()
     };
+    // Seats have numbers, too: no number sends away one who is in the call.
+    types(&mut ada.1, "x 1");
+    ada.0.says("no person with the number 1 waits", 1);
     types(&mut ada.1, &format!("x {fingerprint}"));
     ada.0.says("is sent away, and does not come in again", 1);
     ada.0.says("eve has left", 1);
@@ -315,6 +318,8 @@ fn a_member_who_is_sent_away_stays_away_and_a_locked_call_takes_nobody_new() {
     types(&mut adas, "l");
     ada.0.says("the call is open for you again", 1);
     ada.0.says("zoe has joined", 1);
+    zoe.says("ada has joined", 1);
+    assert!(!zoe.said().contains("does not answer"), "{}", zoe.said());
     assert!(!eve_at(&ada.0), "{}", ada.0.said());
     for program in [ada.0, bob.0, zoe, again] {
         program.ask_to_end();
