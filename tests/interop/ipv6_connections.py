@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Takes a server's connections from very many addresses of one IPv6 /56 network, while a client of another network asks slowly.
 
-    ipv6_connections.py PORT --seconds 6 --held 300
+    ipv6_connections.py PORT --seconds 6 --held 100
 
 It runs in a network namespace of its own, in which all of 2001:db8::/32 is local. Each connection of the network comes from another
 address. Beyond the number that is held the oldest is closed and a new one opened. The other client sends its request half a second after
-it has connected, when its connection is the idlest of all.
+it has connected: more connections than the server takes have come meanwhile, so that its own is the idlest of all.
 
 Prints what was opened, and how the other client fared, as one line of JSON.
 """
@@ -63,7 +63,7 @@ def main():
     parser = argparse.ArgumentParser(description="many connections from one IPv6 network")
     parser.add_argument("port", type=int)
     parser.add_argument("--seconds", type=float, default=6.0)
-    parser.add_argument("--held", type=int, default=300)
+    parser.add_argument("--held", type=int, default=100)
     options = parser.parse_args()
     counts = {"opened": 0}
     until = time.monotonic() + options.seconds

@@ -146,19 +146,17 @@ fn refused(refusal: Refusal) -> &'static str {
         }
         Refusal::Full | Refusal::Many => "the sender has as many viewers as it serves",
         Refusal::Wait => "the other side is asked to let you in: wait",
-        Refusal::Locked => "the other side is locked: no newcomer comes in until they unlock it",
-        Refusal::Removed => {
-            "the other side has sent you away: the two of you neither see nor hear each other"
-        }
+        Refusal::Locked => "the room is locked for newcomers: ask the other side to unlock it",
+        Refusal::Removed => "the other side has sent you away",
         Refusal::Guests => {
-            "only the performer's guests come in, each by a link of their own: ask the performer for one"
+            "only guests come in, each by a link of their own: ask the other side for one"
         }
-        Refusal::Expired => "your link has ended: ask the performer for another one",
+        Refusal::Expired => "your link has ended: ask the other side for another one",
         Refusal::Seat => {
             "only those who sit in the call see and hear the others: take a seat with `mon3tr call LINK`, by the call's own link"
         }
         Refusal::Nameless => {
-            "the performer is asked about each viewer, and you show no key by which you could be told from others: mend your key (`mon3tr keys`)"
+            "the other side is asked about each viewer by their key, and you show none: mend your key (`mon3tr keys`)"
         }
     }
 }

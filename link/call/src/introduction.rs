@@ -10,7 +10,8 @@ use crate::{CallError, guests, now, proof};
 use data_encoding::BASE64URL_NOPAD;
 use identity::{Identity, IdentityError, Keyring, Permit, PublicKey, Purpose, Signature};
 use link_protocol::{
-    Guest, GuestPass, Name, PackageId, PersonName, Refusal, RoomLink, sealed, with_session_lines,
+    Guest, GuestPass, Name, PackageId, PersonName, Refusal, RoomLink, sdp::with_session_lines,
+    sealed,
 };
 
 /// How the lines begin: the MAC; `KEY SIGNATURE`; a permit as its text has it; and `NAME SIGNATURE`, the name in

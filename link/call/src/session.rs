@@ -112,7 +112,7 @@ impl Seal {
     }
 
     /// Opens by these lines from now on, unless they are of the same seal or of an older one; whether it does.
-    fn begin(&mut self, terms: Terms) -> Result<bool, CallError> {
+    fn begin_or_renew(&mut self, terms: Terms) -> Result<bool, CallError> {
         if let Some(opener) = &mut self.opener {
             if opener.is_newer_than(&terms) || opener.renew(&terms) {
                 return Ok(false);
@@ -221,7 +221,7 @@ impl Session {
         if let Some(lines) = sealed::read_seal(&bytes, self.id) {
             let terms = Terms::read(&self.authentication, &self.room, self.avatar, lines)?;
             let sender = terms.sender();
-            return Ok(if seal.begin(terms)? {
+            return Ok(if seal.begin_or_renew(terms)? {
                 self.sender = sender;
                 Arrived::Unsealed
             } else {

@@ -16,7 +16,7 @@ use link_codec::{Micros, MotionFrame};
 use link_http::Client;
 use link_playout::Clock;
 use link_protocol::data_channel::PersonState;
-use link_protocol::{Announcement, PersonName, RoomLink};
+use link_protocol::{Announcement, PersonName, Refusal, RoomLink};
 use link_voice::VoiceQueue;
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
@@ -112,7 +112,7 @@ pub struct ViewerStatistics {
     /// Why the last try to join did not succeed, until one does; nothing while the sender is only awaited.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub not_joined: Option<String>,
-    /// Whether the sender's side is asked to let this one in.
+    /// Whether the last try was answered that the sender's side is asked to let this one in.
     #[serde(skip)]
     pub waits: bool,
 }
@@ -273,6 +273,7 @@ impl Call {
                         && let Some(second) = joining.take()
                     {
                         second.abort();
+                        self.with_statistics(|s| s.waits = false);
                     }
                 }
                 Turn::Event(PeerEvent::Voice(voice)) => {
@@ -323,9 +324,10 @@ impl Call {
                 Turn::Joined(Err(error)) => {
                     let why = (!error.is_absence()).then(|| error.to_string());
                     let waits = matches!(error, CallError::Refused(_));
+                    let is_asked = matches!(error, CallError::Refused(Refusal::Wait));
                     self.with_statistics(|s| {
                         s.not_joined = why;
-                        s.waits = waits;
+                        s.waits = is_asked;
                     });
                     // Trying again may help, and so may who reads this.
                     let matters = matches!(

@@ -39,6 +39,7 @@ pub mod presence;
 mod refusal;
 pub mod room_link;
 pub mod rooms;
+pub mod sdp;
 pub mod sealed;
 mod token;
 
@@ -54,11 +55,3 @@ pub use person_name::PersonName;
 pub use refusal::Refusal;
 pub use room_link::RoomLink;
 pub use token::Token;
-
-/// `sdp` with `lines` of the whole session, each with its end: before the first medium (RFC 8866, section 5).
-#[must_use]
-pub fn with_session_lines(sdp: &str, lines: &[&str]) -> String {
-    let media = sdp.find("\nm=").map_or(sdp.len(), |at| at + 1);
-    let (session, media) = sdp.split_at(media);
-    [&[session], lines, &[media]].concat().concat()
-}

@@ -3,7 +3,7 @@
 //! call's.
 
 use crate::refusal::REFUSAL_LINE;
-use crate::with_session_lines;
+use crate::sdp::with_session_lines;
 
 /// How the line begins by which the sender and a viewer that it hands over agree on a key: of the viewer's offer, and of
 /// the sender's answer.

@@ -2,7 +2,7 @@
 
 use crate::acquaintances::{Acquaintances, Meeting};
 use crate::members::{Member, Members};
-use crate::seats::{FORGIVEN, FORGOTTEN, Known, Seats, called, note_trouble};
+use crate::seats::{FORGIVEN, FORGOTTEN, Known, Seats, Unshown, called, note_trouble};
 use anyhow::Context;
 use app_session::call::CallWatch;
 use app_session::participant::NetworkContext;
@@ -33,8 +33,10 @@ const LOOK: Duration = Duration::from_millis(50);
 /// A person whose seat is free and of whom nothing has come for so long is gone: without the server a call goes on.
 const SILENCE: Duration = Duration::from_secs(5);
 
-/// A person who watches this side is reported if they do not answer its own offers for so long.
+/// A person who sees this side and is not shown is reported after so long; where they refuse this side's offers, after
+/// the longer time: one who has just unlocked the call for themselves is connected again first.
 const UNANSWERED: Duration = Duration::from_secs(3);
+const REFUSED: Duration = Duration::from_secs(10);
 
 /// After a goodbye the seat may seem taken for so long.
 const FAREWELL: Duration = Duration::from_secs(3);
@@ -168,6 +170,11 @@ impl Roster<'_> {
                         opener.begin();
                         let keys = self.keys(&status.seats);
                         let seated: Vec<_> = keys.iter().copied().flatten().collect();
+                        seats.seated = (status.seats.iter().map(|seat| &seat.room).cloned())
+                            .zip(&keys)
+                            .filter_map(|(seat, key)| Some((seat, (*key)?)))
+                            .filter(|(seat, _)| seat != self.own.room().room())
+                            .collect();
                         if let Some(asked) = asked {
                             self.door.seat_members(asked, &seated);
                         }
@@ -202,6 +209,7 @@ impl Roster<'_> {
                     break;
                 }
                 self.look(&mut seats, &mut acquaintances);
+                self.report_unshown(&mut seats);
                 self.miss_opener(&seats, &mut opener);
                 self.note(&mut figures);
                 std::thread::sleep(LOOK);
@@ -311,7 +319,7 @@ impl Roster<'_> {
             let Some(key) = *key else {
                 if seats.unproved.insert(seat.room.clone()) {
                     (self.tell)(&format!(
-                        "careful: whoever has place {} of the call shows no key that proves to have the call's link, and neither sees you nor is shown: either their program is too old, or they or you have a wrong link: was yours copied whole?",
+                        "careful: the occupant of place {} of the call does not prove to have the call's link, and neither sees you nor is shown. Their program may be too old, or their link or yours is wrong: was yours copied whole?",
                         number + 1
                     ));
                 }
@@ -395,20 +403,39 @@ impl Roster<'_> {
         }
     }
 
-    /// Tells, once, of a person who sees and hears this side and does not let it see them.
-    fn warn_of_hidden(&self, person: &mut Known) {
-        let offered = person.joined;
-        let hides = offered.is_some_and(|offered| offered.elapsed() > UNANSWERED)
-            && !person.watch.is_over()
-            && !person.watch.waits();
-        if !hides || person.is_warned_of || !self.door.has_inside(person.key) {
-            return;
+    /// Reports each member, once, who sees and hears this side and is not shown, whatever they answer its offers.
+    fn report_unshown(&self, seats: &mut Seats) {
+        let now = Instant::now();
+        for (seat, key) in &seats.seated {
+            let person = seats.known.get(seat);
+            let is_shown = person.is_some_and(|it| it.is_introduced && it.over.is_none());
+            if is_shown || seats.fetching.contains(seat) || !self.door.has_inside(*key) {
+                if let Some(unshown) = seats.unshown.get_mut(key) {
+                    unshown.since = now;
+                }
+                continue;
+            }
+            let unshown = seats.unshown.entry(*key).or_insert_with(|| {
+                // They may have unlocked the call for themselves.
+                seats.troubles.remove(seat);
+                Unshown::from(now)
+            });
+            let refuses = person.is_none_or(|it| it.watch.waits() || it.watch.is_over());
+            let longest = if refuses { REFUSED } else { UNANSWERED };
+            if unshown.is_reported || now.duration_since(unshown.since) <= longest {
+                continue;
+            }
+            unshown.is_reported = true;
+            let (name, key) = (person.map(|it| it.name.as_str()), key.fingerprint());
+            (self.tell)(&format!(
+                "careful: {}, the key {key}, sees and hears you and is not shown: you neither see nor hear them; `x {key}` sends them away",
+                name.unwrap_or("a member")
+            ));
         }
-        person.is_warned_of = true;
-        let (name, key) = (&person.name, person.key.fingerprint());
-        (self.tell)(&format!(
-            "careful: {name} sees and hears you, and does not answer, so that you neither see nor hear them; `x {key}` sends them away"
-        ));
+        let Seats {
+            unshown, seated, ..
+        } = seats;
+        unshown.retain(|key, _| seated.iter().any(|(_, it)| it == key));
     }
 
     /// Who a person is by their key, in a line.
@@ -497,7 +524,7 @@ impl Roster<'_> {
                     ));
                     person.watch.leave();
                 }
-                None => self.warn_of_hidden(person),
+                None => {}
             }
             let (state, (before, told_at)) = (person.watch.state(), person.state);
             if state != before && told_at.is_none_or(|at| at.elapsed() >= TOLD_APART) {

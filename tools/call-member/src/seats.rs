@@ -31,8 +31,6 @@ pub(crate) struct Known {
     pub(crate) joined: Option<Instant>,
     /// Whether it was told who they are by their key.
     pub(crate) is_introduced: bool,
-    /// Whether it was told that they watch without being shown.
-    pub(crate) is_warned_of: bool,
     /// What was told last, and when.
     pub(crate) state: (PersonState, Option<Instant>),
     /// When bytes came last, and how many there were.
@@ -54,7 +52,6 @@ impl Known {
             watch,
             joined: None,
             is_introduced: false,
-            is_warned_of: false,
             state: (PersonState::default(), None),
             heard: (Instant::now(), 0),
             is_seated: true,
@@ -72,6 +69,26 @@ pub(crate) struct Seats {
     pub(crate) troubles: HashMap<Name, Trouble>,
     /// Whose occupants prove no key, which was told.
     pub(crate) unproved: HashSet<Name>,
+    /// The taken seats of the others, and the keys that their occupants prove.
+    pub(crate) seated: Vec<(Name, PublicKey)>,
+    /// Those of them who have seen this side without being shown.
+    pub(crate) unshown: HashMap<PublicKey, Unshown>,
+}
+
+/// A member who sees this side and is not shown.
+pub(crate) struct Unshown {
+    pub(crate) since: Instant,
+    /// Whether it was reported.
+    pub(crate) is_reported: bool,
+}
+
+impl Unshown {
+    pub(crate) fn from(since: Instant) -> Self {
+        Self {
+            since,
+            is_reported: false,
+        }
+    }
 }
 
 /// Of a seat that stayed taken while the call with who sat there was over: the avatar does not load, or there is no room for it. Whoever comes next

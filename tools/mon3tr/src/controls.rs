@@ -136,7 +136,7 @@ impl Controls {
                 .map(|member| member.name)
                 .next();
             let named = name.map_or_else(String::new, |name| format!("{name}, "));
-            // Others are told from each other by their keys: their seats have numbers, too.
+            // A member is sent away by their key: their seat has another number.
             if waits {
                 println!("{number}: {named}{visitor} waits to be let in");
             } else {

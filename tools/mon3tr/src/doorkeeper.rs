@@ -33,7 +33,7 @@ const LONGEST_LINE: usize = 200;
 /// Between two looks at what happens.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// What people who came and left have freed is given back to the system so often.
+/// After people have left, the memory that they took is returned to the system; so often, at most.
 const TRIMMED_APART: Duration = Duration::from_secs(60);
 
 /// So many lines in such a time, at most: whoever has the link may come and go as they like.
@@ -144,26 +144,26 @@ impl Doorkeeper {
             .split_once(char::is_whitespace)
             .unwrap_or((line.trim(), ""));
         let is_short = rest.trim().len() < SHORTEST_KEY;
-        let is_number = is_short && rest.trim().parse::<u32>().is_ok();
-        match word.to_ascii_lowercase().as_str() {
-            "l" | "lock" if rest.is_empty() => self.obey(line),
-            "a" | "admit" | "x" | "remove" if is_number => self.obey_of_waiting(line, rest),
-            "x" | "remove" if !rest.is_empty() => self.remove_member(rest.trim(), keys),
+        let number = rest.trim().parse().ok().filter(|_| is_short);
+        match (word.to_ascii_lowercase().as_str(), number) {
+            ("l" | "lock", _) if rest.is_empty() => self.obey(line),
+            ("a" | "admit", Some(_)) => self.obey(line),
+            ("x" | "remove", Some(number)) => self.remove_waiting(number),
+            ("x" | "remove", None) if !rest.is_empty() => self.remove_member(rest.trim(), keys),
             _ => return false,
         }
         true
     }
 
-    /// Does what a line with a number asks for, if who has that number waits: those who are in the call have other
-    /// numbers where they sit, and are sent away by their key.
-    fn obey_of_waiting(&self, line: &str, number: &str) {
-        let waits = |seen: &Seen| seen.waits && seen.number.to_string() == number.trim();
+    /// Sends away the person who waits with this number. Members have the numbers of their seats beside those of
+    /// viewers, and are sent away by their keys.
+    fn remove_waiting(&self, number: u32) {
+        let waits = |seen: &Seen| seen.waits && seen.number == number;
         if self.door.seen().iter().any(waits) {
-            self.obey(line);
+            self.obey(&format!("x {number}"));
         } else {
             self.decided(format!(
-                "no person with the number {} waits; one who is in the call is sent away by their key: x KEY; w: who is there",
-                number.trim()
+                "no person with the number {number} waits; one who is in the call is sent away by their key: x KEY; w: who is there"
             ));
         }
     }
@@ -312,10 +312,11 @@ impl Doorkeeper {
     pub(crate) fn watch(&self, over: &AtomicBool) {
         let mut told: VecDeque<Instant> = VecDeque::new();
         let mut untold = 0;
-        let mut trimmed = Instant::now();
+        let (mut has_freed, mut trimmed) = (false, Instant::now());
         loop {
             let is_over = over.load(Relaxed);
             while let Some(event) = self.door.next_event() {
+                has_freed |= matches!(event, DoorEvent::Left(..) | DoorEvent::GaveUp(..));
                 if self.is_of_call && matches!(event, DoorEvent::Entered(..) | DoorEvent::Left(..))
                 {
                     continue;
@@ -335,9 +336,9 @@ impl Doorkeeper {
                 println!("{untold} more came, waited or left; w: who is there");
                 untold = 0;
             }
-            if trimmed.elapsed() >= TRIMMED_APART {
+            if has_freed && trimmed.elapsed() >= TRIMMED_APART {
                 heap::trim();
-                trimmed = Instant::now();
+                (has_freed, trimmed) = (false, Instant::now());
             }
             // The last time is after everything else.
             self.keep();

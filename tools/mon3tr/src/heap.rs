@@ -1,17 +1,20 @@
-//! How much memory glibc's allocator keeps of what was freed. By itself it makes up to eight heaps for each processor, and gives nothing
-//! back that lies between allocations: people who came to a call and left had a member grow by 1.4 MB an hour.
+//! How much memory glibc's allocator keeps of what was freed. By itself it makes up to eight arenas for each processor,
+//! and returns no page that lies between allocations: people who came to a call and left had a member grow by 1.4 MB an
+//! hour.
 
-/// Has all threads share two heaps. To be called before there is another thread.
-pub(crate) fn share() {
+/// Has all threads that begin from now on share two arenas, unless the user has set another number.
+pub(crate) fn limit_arenas() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     {
-        const HEAPS: std::ffi::c_int = 2;
-        // SAFETY: mallopt may be called at any time. Where it refuses, there are as many heaps as before.
-        unsafe { libc::mallopt(libc::M_ARENA_MAX, HEAPS) };
+        const ARENAS: std::ffi::c_int = 2;
+        if std::env::var_os("MALLOC_ARENA_MAX").is_none() {
+            // SAFETY: mallopt may be called at any time. Where it refuses, there are as many arenas as before.
+            unsafe { libc::mallopt(libc::M_ARENA_MAX, ARENAS) };
+        }
     }
 }
 
-/// Gives free pages back to the system. It takes some milliseconds, in which other threads may have to wait for memory.
+/// Returns free pages to the system. It takes some milliseconds, in which other threads may have to wait for memory.
 pub(crate) fn trim() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     // SAFETY: malloc_trim may be called at any time, by any thread.

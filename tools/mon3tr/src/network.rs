@@ -1,6 +1,7 @@
 //! What `send` and `receive` share: the network's threads, the server's certificate, and Ctrl-C.
 
 use crate::ending;
+use crate::heap;
 use anyhow::Context;
 use link_http::Client;
 use link_playout::Clock;
@@ -122,6 +123,7 @@ pub(crate) struct Line {
 impl Line {
     /// Until Ctrl-C, or the process is asked to end; it does so within two seconds.
     pub(crate) fn open(trust: &Trust) -> anyhow::Result<Self> {
+        heap::limit_arenas();
         let network = Network::start()?;
         Ok(Self {
             client: trust.client()?,

@@ -1,7 +1,6 @@
 //! How a program with these sub-commands starts and ends.
 
 use crate::device_options::DeviceOptions;
-use crate::heap;
 use crate::secret_argument;
 use crate::terminal::{self, PrintableLog};
 use clap::Parser;
@@ -24,7 +23,6 @@ pub struct SharedOptions {
 /// program writes to it would.
 pub fn start<A: Parser>(shared: impl FnOnce(&A) -> &SharedOptions) -> A {
     leave_no_core();
-    heap::share();
     let matches = A::command().try_get_matches();
     let matches = matches.unwrap_or_else(|error| refuse(&error));
     secret_argument::hide(&matches);

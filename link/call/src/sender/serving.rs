@@ -255,7 +255,7 @@ pub(super) async fn serve_viewer(
             return match why {
                 CallError::Refused(Refusal::Seat) => Err(CallError::NotSeated),
                 CallError::Refused(Refusal::Link) => Err(why),
-                // `Door::knock` has reported it to the performer.
+                // The viewer has its answer, and the performer decided so before.
                 CallError::Refused(_) => Ok(()),
                 why => Err(why),
             };

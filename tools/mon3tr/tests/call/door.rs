@@ -67,7 +67,7 @@ fn newcomers_wait_until_they_are_let_in_and_whoever_is_sent_away_stays_away() {
     types(&mut lines, "l");
     ada.says("the room is locked", 1);
     let zoe = watcher(&house, &link, "zoe");
-    assert!(zoe.fails().contains("the other side is locked"));
+    assert!(zoe.fails().contains("the room is locked"));
     // Who was inside comes in again.
     bob.kill();
     let mut bob = watcher(&house, &link, "bob");
@@ -87,7 +87,7 @@ fn newcomers_wait_until_they_are_let_in_and_whoever_is_sent_away_stays_away() {
     let bob = watcher(&house, &link, "bob");
     assert!(bob.fails().contains("sent you away"));
     let zoe = watcher(&house, &link, "zoe");
-    assert!(zoe.fails().contains("the other side is locked"));
+    assert!(zoe.fails().contains("the room is locked"));
     types(&mut lines, "l");
     ada.says("the room is open again", 1);
     let zoe = watcher(&house, &link, "zoe");

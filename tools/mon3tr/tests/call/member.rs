@@ -35,6 +35,11 @@ impl<'a> Member<'a> {
     /// Takes a seat as `occupant`, with the avatar that another member has put, and answers the keys that sit in the
     /// call from then on.
     pub(crate) fn sits(&self, occupant: &str) -> Result<Sender, CallError> {
+        self.sits_with(occupant, Door::default())
+    }
+
+    /// The same, and lets in whom this door does.
+    pub(crate) fn sits_with(&self, occupant: &str, door: Door) -> Result<Sender, CallError> {
         let announcement = Announcement {
             avatar: AvatarRef::of_file(&self.house.avatar).expect("the package"),
             channel: ChannelMode::default(),
@@ -47,7 +52,6 @@ impl<'a> Member<'a> {
         };
         let client = Client::new(None).expect("a client");
         let own = Some(self.own.clone());
-        let door = Door::default();
         let sender = self.house.runtime.block_on(Sender::enter_call(
             client.clone(),
             self.link.clone(),

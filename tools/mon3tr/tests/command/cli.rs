@@ -273,7 +273,7 @@ fn tokens_are_made_and_taken_back_only_where_a_server_has_started() {
     let name = "0".repeat(32);
     for asked in [["--new-owner", "ada"], ["--revoke", &name]] {
         let refused = mon3tr(&[&["serve", "--data", data][..], &asked].concat());
-        refused.fails_naming(&[data, "no server has started", "--data"]);
+        refused.fails_naming(&[data, "there is no", "--data"]);
         assert!(!elsewhere.exists(), "nothing is made there");
     }
 }

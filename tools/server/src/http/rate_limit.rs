@@ -77,6 +77,17 @@ impl RateLimit {
         pace.take(due, now).map_err(retry_after_s)
     }
 
+    /// Does not count one request of this address, which was checked before.
+    pub(super) fn give_back(&self, address: IpAddr) {
+        let Some(pace) = self.pace else {
+            return;
+        };
+        let mut all = self.due.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(due) = all.get_mut(&network_prefix(address)) {
+            *due = due.checked_sub(pace.interval).unwrap_or(*due);
+        }
+    }
+
     /// Forgets addresses that have been quiet.
     pub(crate) fn forget_quiet(&self) {
         let now = Instant::now();
@@ -122,6 +133,22 @@ mod tests {
         limit.forget_quiet();
         let left = limit.due.lock().unwrap_or_else(PoisonError::into_inner);
         assert!(left.is_empty(), "forgotten: {left:?}");
+    }
+
+    #[test]
+    fn requests_that_are_given_back_do_not_count() {
+        let limit = RateLimit::new(1, 3);
+        let now = Instant::now();
+        for _ in 0..100 {
+            assert_eq!(limit.check_at(HERE, now), Ok(()));
+            limit.give_back(HERE);
+        }
+        let four = [(); 4].map(|()| limit.check_at(HERE, now));
+        assert_eq!(
+            four,
+            [Ok(()), Ok(()), Ok(()), Err(1)],
+            "the burst, and no more"
+        );
     }
 
     #[test]

@@ -204,6 +204,7 @@ pub(super) async fn join(
 pub(super) async fn answer(
     State(app): State<Arc<App>>,
     Extension(claims): Extension<Claims>,
+    Extension(client): Extension<Client>,
     Path((room, session)): Path<(String, String)>,
     headers: HeaderMap,
     body: Body,
@@ -212,7 +213,12 @@ pub(super) async fn answer(
     let session = Id::parse(&session).ok_or(HttpError::NotFound)?;
     let sdp = sdp(&headers, body)?;
     match app.ask(room, RoomRequest::Answer { session, sdp }).await {
-        RoomReply::Done => Ok(StatusCode::NO_CONTENT),
+        RoomReply::Done => {
+            // The viewer's offer has counted. Where the answers did, too, offers from two networks would keep the
+            // sender from answering those from a third.
+            app.rate.give_back(client.address());
+            Ok(StatusCode::NO_CONTENT)
+        }
         // Without a presence no viewer waits.
         RoomReply::Absent => Err(refused(&RoomReply::Unknown)),
         other => Err(refused(&other)),

@@ -258,7 +258,9 @@ pub(crate) fn run(options: &Options, device: &DeviceOptions) -> anyhow::Result<(
                 };
                 let mut came = came.lock().unwrap_or_else(PoisonError::into_inner);
                 if came.len() == MOST_ARRIVALS {
-                    came.remove(0);
+                    // The first of those who have left.
+                    let left = came.iter().position(|it: &Arrival| it.watch.is_over());
+                    came.remove(left.unwrap_or(0));
                 }
                 let participant = person.participant(sits, &context);
                 came.push(person.arrival);

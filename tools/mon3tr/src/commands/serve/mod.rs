@@ -95,11 +95,14 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<()> {
     raise_open_files();
     let folder = server_folder(options.data.as_deref())?;
     let [secret, previous] = ["secret", "secret.previous"].map(|name| folder.join(name));
-    ensure!(
-        secret.exists() || !options.tokens.are_asked_for(),
-        "no server has started with the folder {}, so a token of it would be worth nothing: give the --data that the server has",
-        folder.display()
-    );
+    if options.tokens.are_asked_for() {
+        let exists = secret.try_exists();
+        ensure!(
+            exists.with_context(|| format!("cannot look for {}", secret.display()))?,
+            "there is no {}: give the --data of the server, or start the server once",
+            secret.display()
+        );
+    }
     make_folder(&folder)?;
     for file in [&secret, &previous] {
         if file.exists() {

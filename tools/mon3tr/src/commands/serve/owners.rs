@@ -63,7 +63,7 @@ impl TokenOptions {
             println!("the token called {id} holds no longer");
         } else {
             println!(
-                "a token called {id} holds no longer; by its name alone nothing tells whether there is one"
+                "a token of the name {id} holds no longer; whether there is one, the server cannot tell by the name"
             );
         }
         Ok(true)
@@ -100,8 +100,7 @@ impl Owners {
         Ok((token, id))
     }
 
-    /// The name of a token, given by itself or by its name; whether it is one of this server's, which its name does not
-    /// tell.
+    /// The name of a token, given by itself or by its name; and whether the token itself was given and is genuine.
     fn name_of(&self, given: &str) -> anyhow::Result<(Id, bool)> {
         let given = given.trim();
         Id::parse(given)

@@ -10,7 +10,8 @@ use crate::house::{House, Program, wait_for};
 use crate::member::Member;
 use data_encoding::BASE64URL_NOPAD;
 use identity::{Identity, Purpose};
-use link_call::{CallError, CallEvent, Credentials, Viewer};
+use link_call::door::DoorRules;
+use link_call::{CallError, CallEvent, Credentials, Door, Viewer};
 use link_protocol::limits::SEAT_KEPT;
 use link_protocol::{CallLink, Name, Refusal, RoomLink};
 use ring::hmac;
@@ -246,7 +247,7 @@ fn a_member_who_watches_and_answers_no_one_is_reported_and_can_be_sent_away() {
     joins(&watches);
     let sends_away = format!("x {}", identity.public().fingerprint());
     ada.0.says(
-        &format!("does not answer, so that you neither see nor hear them; `{sends_away}`"),
+        &format!("is not shown: you neither see nor hear them; `{sends_away}`"),
         1,
     );
     types(&mut ada.1, &sends_away);
@@ -255,6 +256,39 @@ fn a_member_who_watches_and_answers_no_one_is_reported_and_can_be_sent_away() {
         matches!(end, CallEvent::Failed(CallError::Refused(Refusal::Removed))),
         "{end:?}"
     );
+    for (program, _) in [ada, bob] {
+        program.ends();
+    }
+}
+
+#[test]
+fn a_member_who_watches_and_refuses_every_offer_is_reported() {
+    let house = House::open();
+    let host = host(&house);
+    let ([mut ada, bob], link) = call_of_two(&house, &host, &["--seats-per-address", "4"]);
+    let asks = DoorRules {
+        ask: true,
+        ..DoorRules::default()
+    };
+    let locked = DoorRules {
+        locked: true,
+        ..DoorRules::default()
+    };
+    for (seed, rules) in [(74, asks), (75, locked)] {
+        let eve = Member::of(&house, &link, seed);
+        let seat = eve.seat_of("ada");
+        let sits = eve.sits_with(&format!("eve{seed}"), Door::new(rules));
+        let sits = sits.expect("a seat is free");
+        let watches = eve.watches(&seat);
+        joins(&watches);
+        let key = eve.own.key().fingerprint();
+        ada.0.says(
+            &format!("the key {key}, sees and hears you and is not shown"),
+            1,
+        );
+        drop(watches);
+        house.runtime.block_on(sits.hang_up());
+    }
     for (program, _) in [ada, bob] {
         program.ends();
     }
@@ -319,7 +353,7 @@ fn a_member_who_is_sent_away_stays_away_and_a_locked_call_takes_nobody_new() {
     ada.0.says("the call is open for you again", 1);
     ada.0.says("zoe has joined", 1);
     zoe.says("ada has joined", 1);
-    assert!(!zoe.said().contains("does not answer"), "{}", zoe.said());
+    assert!(!zoe.said().contains("is not shown: you"), "{}", zoe.said());
     assert!(!eve_at(&ada.0), "{}", ada.0.said());
     for program in [ada.0, bob.0, zoe, again] {
         program.ask_to_end();
