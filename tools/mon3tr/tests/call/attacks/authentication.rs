@@ -194,23 +194,33 @@ fn a_side_with_another_certificate_than_it_signed_is_sent_and_shows_nothing() {
         return;
     };
     let house = House::open();
-    let sender = house.sender(&["--codec", "paper"]);
+    let mut sender = house.sender(&["--codec", "paper"]);
     let told = attack(&python, "viewer", &sender.viewers, "certificate", &[]);
     assert!(count(&told, "sent") > 0, "DTLS did not begin: {told}");
     assert_eq!(count(&told, "frames"), 0, "{told}");
-    println!("SENDER {}", sender.program.said());
+    sender.program.says("a viewer could not join", 1);
     let sent = sender.program.ends();
     assert_eq!(count(&sent, "sent"), 0, "{sent:#}");
 
     let room = EmptyRoom::open(&house);
-    let viewer = house.receiver(&room.viewers, "viewer", &[]);
+    let json = house.new_report();
+    let mut receive = command(&[
+        "receive",
+        &room.viewers,
+        "--display",
+        "none",
+        "--json",
+        &json,
+    ]);
+    receive.env("RUST_LOG", "link_call=debug");
+    let cache = house.folder.path().join("viewer");
+    let mut viewer = Program::start_as(&house, &cache, &mut receive);
     let told = room.attack(&python, "certificate");
     assert!(count(&told, "sent") > 0, "DTLS did not begin: {told}");
-    std::thread::sleep(Duration::from_secs(1));
-    println!("VIEWER {}", viewer.said());
+    viewer.says("not joined yet: ", 1);
+    println!("{}", viewer.said());
     let seen = viewer.ends();
     let received = &seen["call"]["received"];
-    println!("VIEWER {received:#}");
     let counts = ["sessions", "frames", "voice"].map(|name| count(received, name));
     assert_eq!(counts, [0; 3], "{seen:#}");
 }
