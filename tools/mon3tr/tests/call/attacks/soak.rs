@@ -305,11 +305,14 @@ fn a_call_stays_as_it_was_through_losses_moves_a_full_disk_and_clock_steps() {
         );
     }
     assert!(turns >= 4, "each fault at least once: {turns}");
-    for (name, other, member) in [("Ada", "Bob", &mut ada), ("Bob", "Ada", &mut bob)] {
+    for (name, member) in [("Ada", &mut ada), ("Bob", &mut bob)] {
         let status = member.end();
         assert!(status.success(), "{name}:\n{}", member.said());
         let report = json(&world.report(name));
-        assert_eq!(report["received"]["name"], other, "who stayed: {report:#}");
+        // Visitors, who come for three seconds, have reports of their own.
+        let live = report["received"]["call"]["live_seconds"].as_f64();
+        let is_whole = live.is_some_and(|live| live > f64::from(seconds) * 0.8);
+        assert!(is_whole, "not of the one who stayed: {report:#}");
         assert_stayed(name, &report, turns);
     }
 }
