@@ -146,7 +146,7 @@ mod tests {
         let four = [(); 4].map(|()| limit.check_at(HERE, now));
         assert_eq!(
             four,
-            [Ok(()), Ok(()), Ok(()), Err(1)],
+            [Ok(()), Ok(()), Ok(()), Err(2)],
             "the burst, and no more"
         );
     }

@@ -195,9 +195,9 @@ fn a_side_with_another_certificate_than_it_signed_is_sent_and_shows_nothing() {
     };
     let house = House::open();
     let mut sender = house.sender(&["--codec", "paper"]);
-    let told = attack(&python, "viewer", &sender.viewers, "certificate", &[]);
-    assert!(count(&told, "sent") > 0, "DTLS did not begin: {told}");
-    assert_eq!(count(&told, "frames"), 0, "{told}");
+    let counts = attack(&python, "viewer", &sender.viewers, "certificate", &[]);
+    assert!(count(&counts, "sent") > 0, "DTLS did not begin: {counts}");
+    assert_eq!(count(&counts, "frames"), 0, "{counts}");
     sender.program.says("a viewer could not join", 1);
     let sent = sender.program.ends();
     assert_eq!(count(&sent, "sent"), 0, "{sent:#}");
@@ -207,8 +207,8 @@ fn a_side_with_another_certificate_than_it_signed_is_sent_and_shows_nothing() {
     receive.env("RUST_LOG", "link_call=debug");
     let cache = house.folder.path().join("viewer");
     let mut viewer = Program::start_as(&house, &cache, &mut receive);
-    let told = room.attack(&python, "certificate");
-    assert!(count(&told, "sent") > 0, "DTLS did not begin: {told}");
+    let counts = room.attack(&python, "certificate");
+    assert!(count(&counts, "sent") > 0, "DTLS did not begin: {counts}");
     viewer.says("not joined yet: ", 1);
     viewer.ask_to_end();
     let said = viewer.fails();
